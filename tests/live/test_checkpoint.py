@@ -143,10 +143,7 @@ BEAMS = "beam_noise_mps = 0.01\n"
     ]
     + [
         ("[states]\n", f"[{section}]\n{line}\n[states]\n")
-        for section, line in (
-            ("filter", "gate_probability = 0.9"),
-            ("robust", "enabled = false"),
-        )
+        for section, line in (("filter", "gate_probability = 0.9"), ("robust", "enabled = false"))
     ]
     + [('"tc"', '"sway_current"')]
     + [

@@ -53,6 +53,8 @@ GPS = '[gps]\n[[source]]\nname = "gps"\naddress = "stdin"\nformat = "gps-csv"\nr
         (NAVIGATION, "[start]", '[attitude]\naids = "heading"\n[start]', "[attitude]"),
         (NAVIGATION, "[start]", "[thrust]\nadvance_m = 0.3\nnoise_mps = 0.1\n[start]", "[thrust]"),
         (NAVIGATION, "[start]", "[acoustic_position]\nsd_m = 1\n[start]", "[acoustic_position]"),
+        (NAVIGATION.replace(PLACES["imu"], "serial:x:9600"), PLACES["to"], "serial:x", "one speed"),
+        (NAVIGATION.replace(PLACES["imu"], "tcpin:9"), PLACES["to"], "tcpin:9", "another port"),
         (NAVIGATION, "[[port]]", GPS + "[[port]]", "origin.longitude_deg"),
         (NAVIGATION, "[[port]]", GPS.removeprefix("[gps]") + "[[port]]", "[gps]"),
     ],
@@ -90,6 +92,10 @@ def test_templates_can_be_read(tmp_path: Path, instrument: str, autopilot: str) 
         'configuration = "angles"\ntilts_deg = [20, 20, 20]\nazimuths_deg = [0, 120, 240]\nbeam_noise_mps = 0.01\n'
     )
     file = tmp_path / "rov.toml"
+    if autopilot == "dvl" and INSTRUMENTS[instrument].beams == 3:
+        with pytest.raises(ScenarioError, match="has 3 beams"):
+            template(instrument, autopilot)
+        return
     file.write_text(template(instrument, autopilot))
     config = load_config(file)
     assert config.mode == AUTOPILOTS[autopilot].mode

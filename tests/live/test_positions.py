@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +10,7 @@ import pytest
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.raw_log import RawLog
 from bottomlock.live.readings import LineReader, MavlinkReader
-from bottomlock.live.replay import replay_log
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.readings import AcousticPositionReading, GpsReading
 from tests.live.world import LATITUDE_DEG, NAVIGATION_TOML, START_NS, VELOCITY, World
@@ -111,28 +108,6 @@ def test_positions_bring_the_vehicle_where_it_is(form: str, extra: str) -> None:
     without, claimed = position(flown(navigation(), []))
     assert np.linalg.norm(without[:2]) > 40.0
     assert (claimed[:2] > 49.0).all()
-
-
-def test_a_log_of_them_replays_to_the_same_bits(tmp_path: Path) -> None:
-    """Both sensors at once: what was sent is sent again."""
-    pytest.importorskip("mcap")
-    settings = navigation(GPS + USBL)
-    more = [*fixes("gps", 2), *fixes("usbl", 3, seed=5)]
-    names = [source.name for source in settings.source]
-    log = RawLog(tmp_path, sources=names, ports=["probe"], start={})
-    engine = Engine(settings)
-    sent = 0
-    for arrival_ns, source, data in sorted(
-        [*World(SECONDS).arrivals(imu=True), *more], key=lambda entry: entry[:2]
-    ):
-        log.write("in", source, arrival_ns, data)
-        for message in engine.arrive(source, arrival_ns, data):
-            log.write("out", message.port, arrival_ns, message.data)
-            sent += 1
-    log.close()
-    again = replay_log(settings, log.path)
-    assert again.first_difference == ""
-    assert again.sent == sent > 100
 
 
 def test_lines() -> None:

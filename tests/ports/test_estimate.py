@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from bottomlock.errors import DataError
-from bottomlock.kernel import (
-    BeamGeometry,
-    FixMethod,
-    VelocityFixes,
-    solve_velocity,
-)
+from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
 from bottomlock.ports.estimate import Estimate
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))

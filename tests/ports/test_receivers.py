@@ -161,12 +161,7 @@ def test_a_receiver_is_consistent_through_every_port(mode: str, mask: str) -> No
     ],
 )
 def test_without_the_over_bound_it_is_not(
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    module: ModuleType,
-    bound: str,
-    mode: str,
-    mask: str,
+    monkeypatch: pytest.MonkeyPatch, name: str, module: ModuleType, bound: str, mode: str, mask: str
 ) -> None:
     """P's own diagonal, or its mean for one σ: the error along a principal axis leaves the same band."""
 

@@ -132,9 +132,9 @@ def configuration(autopilot: str) -> Any:  # noqa: ANN401
 
 
 def test_templates_send_what_their_receivers_take() -> None:
-    """PX4's simulator listens on 14580; robot_localization has no input for a bare velocity."""
+    """PX4's simulator listens on 14580 and sends to who speaks; robot_localization has no input for a velocity."""
     px4 = configuration("px4")
     assert (px4.port[0].to, px4.port[0].port) == ("udpout:127.0.0.1:14580", "odometry")
-    assert [one.address for one in px4.source if one.format == "mavlink"] == ["udpin:0.0.0.0:14540"]
+    assert [one.address for one in px4.source if one.format == "mavlink"] == [px4.port[0].to]
     assert configuration("ros2").port[0].port == "ros_twist"
     assert all(not cautions(configuration(name)) for name in AUTOPILOTS)

@@ -125,8 +125,9 @@ class Node:
         self._declared[name] = self.graph.parameters.get(name, default)
 
     def get_parameter(self, name: str) -> Any:  # noqa: ANN401
-        value = self._declared[name]
-        return SimpleNamespace(get_parameter_value=lambda: SimpleNamespace(string_value=value))
+        value = (self._declared | {"use_sim_time": True})[name]
+        found = SimpleNamespace(string_value=value, bool_value=value)
+        return SimpleNamespace(get_parameter_value=lambda: found)
 
     def get_clock(self) -> Any:  # noqa: ANN401
         return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=self.graph.now_ns))

@@ -28,7 +28,7 @@ def test_every_choice_is_a_configuration(tmp_path: Path, instrument: str, autopi
     """What the page offers is accepted, and says what the form says."""
     form = SetupForm(
         instrument=instrument, autopilot=autopilot, mode=mode, latitude_deg=-32.5, address="tcp:10.0.0.9:1234",
-        name="rov_7",
+        name="rov_7", to="tcpin:0.0.0.0:16171" if autopilot == "dvl" else ROUTER,
     )  # fmt: skip
     folder = SetupFolder(tmp_path / "new" / "vehicle")
     folder.save(form)
@@ -36,9 +36,9 @@ def test_every_choice_is_a_configuration(tmp_path: Path, instrument: str, autopi
     assert (config.name, config.mode) == ("rov_7", mode)
     assert config.source[0].address == "tcp:10.0.0.9:1234"
     assert config.source[0].format == FORM_INSTRUMENTS[instrument].format
-    assert [one.to for one in config.port] == [ROUTER, ROUTER]
-    assert config.port[1].port == "distance_sensor"
-    assert config.port[0].port == {"ardusub": "vision_position_delta", "px4": "odometry"}[autopilot]
+    named = {"ardusub": "vision_position_delta", "px4": "odometry", "dvl": "waterlinked_json"}[autopilot]
+    assert [one.port for one in config.port] == [named, "distance_sensor"][: 1 + (autopilot != "dvl")]
+    assert {one.to for one in config.port} == {form.to}
     assert config.health is not None
     assert (config.health.host, config.health.port) == ("127.0.0.1", HEALTH_PORT)
     assert config.log is not None

@@ -9,15 +9,7 @@ import pytest
 pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
 
 from bottomlock.setup.form import SetupForm
-from tests.setup.recorded_trace import (
-    CALM_S,
-    LATITUDE_DEG,
-    gaps,
-    of_form,
-    recording,
-    sent,
-    trace,
-)
+from tests.setup.recorded_trace import CALM_S, LATITUDE_DEG, gaps, of_form, recording, sent, trace
 
 CIRCLE, PLAIN, TURN = "out20210528_circle.txt", "out20210528.txt", "out20210528_straight+turn360.txt"
 EXTENSION = {CIRCLE: 42, PLAIN: 17, TURN: 20}

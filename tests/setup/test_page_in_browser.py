@@ -40,11 +40,7 @@ def typed(browser: Browser, **values: str) -> None:
 @pytest.mark.usefixtures("health_port")
 def test_a_person_sets_it_up(tmp_path: Path) -> None:
     """Mistakes first; then OK with numbers; two widths and both colour schemes without a bar to scroll sideways."""
-    with (
-        Browser() as browser,
-        Instruments(200.0) as instruments,
-        served(tmp_path / "vehicle") as port,
-    ):
+    with Browser() as browser, Instruments(200.0) as instruments, served(tmp_path / "vehicle") as port:
         browser.open(f"http://127.0.0.1:{port}/")
         until(browser, "document.getElementById('state').textContent === 'STOPPED'")
         typed(browser, mode="navigation", address="192.168.2.95", mounting_yaw_deg="−4,5")

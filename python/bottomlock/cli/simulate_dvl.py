@@ -30,6 +30,7 @@ from bottomlock.instruments.sources import (
     readings_of_scenario,
     with_geometry,
 )
+from bottomlock.instruments.transports import Transport, no_answers
 from bottomlock.live.connections import cancel_at_signals
 from bottomlock.replay.case import load_case
 
@@ -113,10 +114,13 @@ def simulate_dvl(
         if (depths := readings.depth) is None:
             raise _absent("depth", readings)
         makers["depth"] = lambda offset_ns: depth_lines(depths, offset_ns=offset_ns)
-    parts = [
-        Channel(name, transport_of(addresses[name], force=force, patient=pace is None), makers[name])
-        for name in makers
-    ]
+    commands = format_named(format).commands
+
+    def transport(name: str) -> Transport:
+        answers = commands().client if commands is not None and name == "dvl" else no_answers
+        return transport_of(addresses[name], force=force, patient=pace is None, answers=answers)
+
+    parts = [Channel(name, transport(name), makers[name]) for name in makers]
     tally = _Tally(keep=truth is not None)
     try:
         asyncio.run(_run(parts, tally, pace=pace, shift=shift, wait=wait, format_name=format))
@@ -162,6 +166,8 @@ async def _run(
         for part in parts:
             what = format_name if part.name == "dvl" else "lines"
             say(f"{part.name}: {what} on {part.transport.where}")
+        if wait and any(part.transport.where.startswith("tcp:") for part in parts):
+            say("starts once every TCP server has a client (--no-wait: at once)")
         console.file.flush()
 
     def sent(part: Channel, record: Record) -> None:

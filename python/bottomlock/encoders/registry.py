@@ -24,17 +24,25 @@ class Format:
         title: of the instrument.
         beams: that a record holds.
         encode: bytes of a ping.
+        commands: makes what answers the commands of its clients; None where they are not answered.
     """
 
     name: str
     title: str
     beams: int
     encode: Callable[[Ping, Instrument], bytes]
+    commands: type[waterlinked_json.Commands] | None = None
 
 
 FORMATS = (
-    Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode),
-    Format(waterlinked_serial.NAME, "Water Linked serial", 4, waterlinked_serial.encode),
+    Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode, waterlinked_json.Commands),
+    Format(
+        waterlinked_serial.NAME,
+        "Water Linked serial",
+        4,
+        waterlinked_serial.encode,
+        waterlinked_serial.SerialCommands,
+    ),
     Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode),
     Format(nortek_dvl.NAME, "Nortek DVL500, DVL1000, DF21", 4, nortek_dvl.encode),
     Format(nucleus.NAME, "Nortek Nucleus1000", 3, nucleus.encode),

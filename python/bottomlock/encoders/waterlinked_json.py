@@ -10,6 +10,7 @@ Source: Water Linked, "DVL TCP JSON API", json_v3.3; key order and marks from it
 
 import json
 import math
+from collections.abc import Callable
 from typing import Any
 
 from bottomlock.encoders.fields import NO_FOM_MPS, decimal, steps_of
@@ -74,4 +75,92 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         "time_of_validity": steps_of(ping.time_ns, 1000, 1, LATEST_NS // 1000, ping),
         "time_of_transmission": steps_of(ping.transmission_ns, 1000, 1, LATEST_NS // 1000, ping),
     }
-    return json.dumps(report, separators=(",", ":"), allow_nan=False).encode() + b"\r\n"
+    return _line(report)
+
+
+def _line(content: dict[str, Any]) -> bytes:
+    return json.dumps(content, separators=(",", ":"), allow_nan=False).encode() + b"\r\n"
+
+
+MOST_BYTES = 4096
+"""Of commands that wait for their end."""
+
+
+class Commands:
+    """The instrument's side of its commands, `{"command": NAME, "parameters": {...}}`.
+
+    A configuration is checked, kept and told to every client; what is sent stays as it is. So what would change it, a
+    rotation of the mounting or pings on request, fails with the reason.
+    """
+
+    def __init__(self) -> None:
+        self.config: dict[str, Any] = {
+            "speed_of_sound": 1500.0,
+            "acoustic_enabled": True,
+            "dark_mode_enabled": False,
+            "mounting_rotation_offset": 0.0,
+            "range_mode": "auto",
+            "periodic_cycling_enabled": True,
+        }
+
+    def client(self) -> Callable[[bytes], bytes]:
+        """What answers the bytes of one client; its commands may stand without anything between them."""
+        held = ""
+
+        def answers(data: bytes) -> bytes:
+            nonlocal held
+            held = (held + data.decode("utf-8", "replace"))[-MOST_BYTES:].lstrip()
+            found = b""
+            while held:
+                try:
+                    command, end = json.JSONDecoder().raw_decode(held)
+                except (ValueError, RecursionError):
+                    _, newline, rest = held.partition("\n")
+                    if not newline:
+                        break
+                    command, end = None, len(held) - len(rest)
+                found += self._answer(command)
+                held = held[end:].lstrip()
+            return found
+
+        return answers
+
+    def _answer(self, command: Any) -> bytes:  # noqa: ANN401 - whatever came
+        name = command.get("command") if isinstance(command, dict) else None
+        fault = ""
+        if name == "set_config":
+            fault = self.configure(command.get("parameters"))
+        elif name == "trigger_ping":
+            fault = "the instrument pings by itself"
+        elif name not in {"get_config", "calibrate_gyro", "reset_dead_reckoning"}:
+            fault = "no such command"
+        return _line(
+            {
+                "response_to": name if isinstance(name, str) else "",
+                "success": not fault,
+                "error_message": fault,
+                "result": self.config if name == "get_config" else None,
+                "format": FORMAT,
+                "type": "response",
+            }
+        )
+
+    def configure(self, parameters: Any) -> str:  # noqa: ANN401 - whatever came
+        """Takes a configuration, all of it or nothing; why not, "" where it is taken."""
+        if not isinstance(parameters, dict):
+            return "no parameters"
+        for key, value in parameters.items():
+            known = self.config.get(key)
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if known is None:
+                return f"no parameter {key[:40]}"
+            if not (is_number if isinstance(known, float) else isinstance(value, type(known))):
+                return f"{key} is not of its type"
+        if not 1000.0 <= parameters.get("speed_of_sound", 1500.0) <= 2000.0:
+            return "speed_of_sound must be 1000 to 2000 m/s"
+        if parameters.get("mounting_rotation_offset"):
+            return "mounting_rotation_offset is in the geometry that the sender has (dvl.geometry)"
+        if not parameters.get("acoustic_enabled", True):
+            return "the instrument pings by itself"
+        self.config |= parameters
+        return ""

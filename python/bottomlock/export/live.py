@@ -100,7 +100,7 @@ class _Collected:
 
     def entry(self, entry: Entry) -> None:
         """Takes bytes that came or were sent: as text where they are that, otherwise as hexadecimal digits."""
-        if entry.kind == "connected":
+        if entry.kind in {"connected", "paused"}:
             return
         if entry.kind == "in":
             topic = f"in/{self.config.source[entry.place].name}"

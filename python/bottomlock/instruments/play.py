@@ -9,7 +9,7 @@ from pathlib import Path
 from bottomlock.errors import OutputError
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.terminals import Pty, Serial
-from bottomlock.instruments.transports import File, TcpServer, Transport, Udp
+from bottomlock.instruments.transports import File, NewAnswers, TcpServer, Transport, Udp, no_answers
 from bottomlock.ports.address import Address, Kind, forms
 from bottomlock.ports.address import parse_address as parse
 
@@ -32,22 +32,25 @@ def parse_address(text: str, option: str) -> Address:
         raise OutputError(error, place=option) from error
 
 
-def transport_of(address: Address, *, force: bool = False, patient: bool = True) -> Transport:
+def transport_of(
+    address: Address, *, force: bool = False, patient: bool = True, answers: NewAnswers = no_answers
+) -> Transport:
     """The transport of an address; it is opened in the event loop.
 
     Args:
         address: where to send.
         force: overwrite a file.
         patient: a TCP server waits for slow clients, as at full speed it should; else it keeps its pace.
+        answers: makes what answers the commands of a client.
     """
     if address.kind == "tcpin":
-        return TcpServer(address.host, address.port, patient=patient)
+        return TcpServer(address.host, address.port, patient=patient, answers=answers)
     if address.kind == "udpout":
         return Udp(address.host, address.port)
     if address.kind == "pty":
-        return Pty(Path(address.path) if address.path else None)
+        return Pty(Path(address.path) if address.path else None, answers)
     path = Path(address.path)
-    return Serial(path, address.baud) if address.kind == "serial" else File(path, force=force)
+    return Serial(path, address.baud, answers) if address.kind == "serial" else File(path, force=force)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from bottomlock.errors import OutputError
-from bottomlock.instruments.transports import Transport
+from bottomlock.instruments.transports import NewAnswers, Transport, no_answers
 
 PATIENCE_S = 0.5
 """After so long without a reader the bytes of a full line are lost, as on a cable that nobody holds."""
@@ -18,10 +18,19 @@ SETTLED_S = 0.2
 class _Line(Transport):
     """Bytes to a file descriptor that does not block; it does not show whether somebody reads."""
 
-    def __init__(self, where: str) -> None:
+    def __init__(self, where: str, answers: NewAnswers) -> None:
         super().__init__(where)
         self._line = -1
         self._abandoned = False
+        self._answers = answers()
+
+    def _listen(self) -> None:
+        """Answers the commands that come from now on."""
+        asyncio.get_running_loop().add_reader(self._line, self._read)
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError):
+            os.write(self._line, self._answers(os.read(self._line, 4096)))
 
     async def send(self, data: bytes) -> None:
         """Writes; waits for a slow reader, but only once for one that is not there."""
@@ -55,6 +64,7 @@ class _Line(Transport):
     async def close(self) -> None:
         """Closes the line."""
         if self._line >= 0:
+            asyncio.get_running_loop().remove_reader(self._line)
             os.close(self._line)
             self._line = -1
 
@@ -62,8 +72,8 @@ class _Line(Transport):
 class Pty(_Line):
     """A pseudo terminal; `where` is the device that a reader opens, through a link where one is named."""
 
-    def __init__(self, link: Path | None) -> None:
-        super().__init__("pty")
+    def __init__(self, link: Path | None, answers: NewAnswers = no_answers) -> None:
+        super().__init__("pty", answers)
         self._link = link
         self._device = -1
 
@@ -83,6 +93,7 @@ class Pty(_Line):
                 f"this system gives none ({error})", place="pty", hint="use tcp or udp"
             ) from error
         os.set_blocking(self._line, False)
+        self._listen()
         device = os.ttyname(self._device)
         self.where = f"pty:{device}"
         if self._link is None:
@@ -127,8 +138,8 @@ class Pty(_Line):
 class Serial(_Line):
     """A serial device, 8 data bits, no parity, raw."""
 
-    def __init__(self, path: Path, baud: int) -> None:
-        super().__init__(f"serial:{path}:{baud}")
+    def __init__(self, path: Path, baud: int, answers: NewAnswers = no_answers) -> None:
+        super().__init__(f"serial:{path}:{baud}", answers)
         self._path, self._baud = path, baud
 
     async def open(self) -> None:
@@ -155,6 +166,7 @@ class Serial(_Line):
             settings = termios.tcgetattr(self._line)
             settings[4] = settings[5] = speed
             termios.tcsetattr(self._line, termios.TCSANOW, settings)
+            self._listen()
         except (OSError, termios.error) as error:
             with contextlib.suppress(OSError):
                 await super().close()

@@ -3,10 +3,20 @@
 import asyncio
 import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
 from bottomlock.errors import OutputError
+
+NewAnswers = Callable[[], Callable[[bytes], bytes]]
+"""Makes, for a client, what to send back on its bytes."""
+
+
+def no_answers() -> Callable[[bytes], bytes]:
+    """Of an instrument that takes no commands."""
+    return lambda _: b""
+
 
 PATIENCE_S = 5.0
 """At full speed, a TCP client that takes nothing for so long is dropped."""
@@ -45,14 +55,16 @@ class Transport:
 
 
 class TcpServer(Transport):
-    """A server for any number of clients, which may come and go; what they send is read and ignored.
+    """A server for any number of clients, which may come and go; of what they send commands are answered.
 
     With `patient` it sends as fast as its clients take it; else it keeps its pace, whatever they do.
     """
 
-    def __init__(self, host: str, port: int, *, patient: bool = True) -> None:
+    def __init__(
+        self, host: str, port: int, *, patient: bool = True, answers: NewAnswers = no_answers
+    ) -> None:
         super().__init__(f"tcp:{host}:{port}")
-        self._patient = patient
+        self._patient, self._answers = patient, answers
         self._host, self._port = host, port
         self._clients: set[asyncio.StreamWriter] = set()
         self._arrived = asyncio.Event()
@@ -74,9 +86,11 @@ class TcpServer(Transport):
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._clients.add(writer)
         self._arrived.set()
+        answers = self._answers()
         with contextlib.suppress(OSError):
-            while await reader.read(4096):
-                pass
+            while data := await reader.read(4096):
+                writer.write(answers(data))
+                await writer.drain()
         await self._drop(writer)
 
     async def _drop(self, writer: asyncio.StreamWriter) -> None:

@@ -6,7 +6,7 @@ from pydantic import AfterValidator
 
 from bottomlock.ports.address import Address, Kind, parse_address
 
-SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "serial", "file", "stdin", "ros")
+SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "udpout", "serial", "file", "stdin", "ros")
 SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "ros")
 
 

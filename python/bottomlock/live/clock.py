@@ -44,8 +44,10 @@ class ClockMap:
     _reports: int = 0
     _above: list[tuple[int, int]] = field(default_factory=list)
 
-    def observe(self, transmission_ns: int, arrival_ns: int) -> Verdict:
+    def observe(self, transmission_ns: int, arrival_ns: int, *, waited: bool = False) -> Verdict:
         """Takes a report: when it was sent (instrument) and when it came (host; never falling).
+
+        `waited`: it may have waited for this process, so that a delay says nothing of the instrument's clock.
 
         Returns:
             "late" for a report whose time of validity must not be used, "stepped" for the first after a step.
@@ -57,6 +59,8 @@ class ClockMap:
             return "good"
         # Rounded up: bounds that are rounded down would add up to a time that is early.
         envelope = self._offset_ns + math.ceil(DRIFT * (arrival_ns - self._at_ns))
+        if bound - envelope > self.step_ns and waited:
+            return "good"
         if bound - envelope > self.step_ns:
             return self._far_above(bound, arrival_ns, envelope)
         self._above.clear()

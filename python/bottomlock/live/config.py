@@ -11,6 +11,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.io.formats import LIVE
+from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
 from bottomlock.live.of_case import with_case
 from bottomlock.live.sections import (
@@ -28,6 +29,7 @@ from bottomlock.live.sections import (
     StatesSection,
     VelocitySection,
 )
+from bottomlock.ports.address import Address
 from bottomlock.ports.estimate import Mode
 from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.port import Port
@@ -70,14 +72,33 @@ class LiveConfig(NavigatorConfig):
                 f"{len(dvls)} sources are a DVL ({', '.join(dvls) or 'none'}), expected one, with a format of "
                 f"{', '.join(DVL_FORMATS)}"
             )
-        if [source.address for source in self.source].count("stdin") > 1:
-            raise ValueError("two sources read stdin, expected one at most")
+        self._devices_have_one_use()
         self._dvl_states_noise(next(one.format for one in self.source if one.name == dvls[0]))
         if self.mode == "navigation":
             self._can_navigate()
         else:
             self._needs_nothing_else()
         return self
+
+    def _devices_have_one_use(self) -> None:
+        """A device is opened once: one source reads it, and ports may write to it at the same speed."""
+        read: dict[tuple[str, str, int], tuple[SourceSection, Address]] = {}
+        for source in self.source:
+            address = source_address(source.address)
+            if address.kind in {"serial", "stdin", "file"} and address.device in read:
+                other = read[address.device][0].name
+                raise ValueError(f"sources '{other}' and '{source.name}' read {source.address}, expected one")
+            read[address.device] = source, address
+        for port in self.port:
+            to = sink_address(port.to)
+            if to.device not in read:
+                continue
+            source, address = read[to.device]
+            if to.kind == "tcpin" or to.baud != address.baud:
+                raise ValueError(
+                    f"port {port.port} is sent to {port.to}, and source '{source.name}' reads {source.address}: "
+                    f"expected {'another port' if to.kind == 'tcpin' else 'one speed of the line'}"
+                )
 
     def _dvl_states_noise(self, form: str) -> None:
         stating = [name for name, one in LIVE.items() if one.stream is not None and one.stream.figures]

@@ -15,6 +15,7 @@ from typing import Any
 
 from bottomlock.errors import DataError
 from bottomlock.ports.address import Address
+from bottomlock.ports.port import Answers
 from bottomlock.support.extras import install
 
 PACE_S = 0.005
@@ -83,6 +84,9 @@ SHORTEST_SILENCE_S = 5.0
 SECOND = "a second client is sent away: the first gives readings"
 HELD_S = 5.0
 """A client that has given a reading within this time keeps its place; another is sent away."""
+GREETING_S = 1.0
+UNHEARD_S = 5.0
+"""Time without a refused datagram after which somebody is taken to receive."""
 MOST_WAITING = 256
 """Pieces of a source that wait for their turn; beyond them the oldest are dropped and counted."""
 _BLOCK = 65_536
@@ -91,7 +95,6 @@ _PIECE = 1024
 
 OnData = Callable[[bytes], bool]
 OnState = Callable[[str], None]
-Answers = Callable[[bytes], bytes]
 
 
 def no_answer(_: bytes) -> bytes:
@@ -118,11 +121,13 @@ class _Stream(asyncio.Protocol):
             self.closed.set_result(words_of(exc) if exc else "closed by the other side")
 
 
-class Datagrams(asyncio.DatagramProtocol):
+class _Datagrams(asyncio.DatagramProtocol):
     """Hands on the bytes of each datagram, and sends the answer to whom it came from."""
 
-    def __init__(self, on_data: Callable[[bytes], object], answers: Answers) -> None:
-        self._on_data, self._answers = on_data, answers
+    def __init__(
+        self, on_data: Callable[[bytes], object], answers: Answers, on_error: Callable[[Exception], None]
+    ) -> None:
+        self._on_data, self._answers, self._on_error = on_data, answers, on_error
         self._transport: Any = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -135,6 +140,10 @@ class Datagrams(asyncio.DatagramProtocol):
             self._transport.sendto(answer, addr)
         self._on_data(data)
 
+    def error_received(self, exc: Exception) -> None:
+        """As asyncio calls it: mostly because nobody listens where a datagram went."""
+        self._on_error(exc)
+
 
 def words_of(error: BaseException) -> str:
     """An error in one line."""
@@ -143,7 +152,7 @@ def words_of(error: BaseException) -> str:
 
 
 class Connection:
-    """One source: keeps it open.
+    """A source, or a target that connects, or both at one address: keeps it open.
 
     Args:
         address: where its bytes come from.
@@ -151,11 +160,12 @@ class Connection:
         on_connected: is called at each connection.
         on_state: is given what happens, in words.
         silence_s: longest time without a byte before a connection is made anew.
-        on_transport: is given the transport of a stream at each connection, and None at its end.
         answers: what to send back on bytes of a socket or serial line.
+        greeting: what to send once a second, to whom says nothing before it is spoken to; None for nothing.
 
     Attributes:
         state: what the connection does now, in words.
+        transport: of what can be written to, while it is open.
         attempts: how often it was tried to open.
         dropped: pieces and datagrams that came faster than they could be taken, and second clients.
     """
@@ -168,11 +178,11 @@ class Connection:
         on_connected: Callable[[], None],
         on_state: OnState,
         silence_s: float,
-        on_transport: Callable[[Any], None] = lambda _: None,
         answers: Answers = no_answer,
+        greeting: Callable[[], bytes] | None = None,
     ) -> None:
-        self._answers = answers
-        self._on_transport = on_transport
+        self._answers, self._greeting = answers, greeting
+        self.transport: Any = None
         self.address = address
         self.state = "not opened yet"
         self.attempts = 0
@@ -247,7 +257,7 @@ class Connection:
     async def _once(self) -> str | None:
         """One connection from its beginning to its end; why it ended, None for the end of a file."""
         kind = self.address.kind
-        if kind == "udpin":
+        if kind in {"udpin", "udpout"}:
             return await self._datagrams()
         if kind == "tcpin":
             return await self._server()
@@ -278,12 +288,14 @@ class Connection:
                 transport, protocol = await loop.create_connection(
                     lambda: _Stream(self._wait_in_pieces), address.host, address.port
                 )
-        self._on_transport(transport)
+        self.transport = transport
         self._opened("connected")
+        greeting = asyncio.create_task(self._greet(transport.write))
         try:
             return await self._until_silent(protocol.closed)
         finally:
-            self._on_transport(None)
+            self.transport = None
+            await cancel(greeting)
             transport.abort()
 
     async def _until_silent(self, closed: "asyncio.Future[str]") -> str:
@@ -297,15 +309,38 @@ class Connection:
                 return closed.result()
 
     async def _datagrams(self) -> str:
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: Datagrams(self._wait, self._answers), local_addr=(self.address.host, self.address.port)
+        sends, place = self.address.kind == "udpout", (self.address.host, self.address.port)
+        words, failed_s = "sending" if sends else "listening", -math.inf
+        loop = asyncio.get_running_loop()
+
+        def fail(error: Exception) -> None:
+            nonlocal failed_s
+            failed_s = loop.time()
+            self._say(f"{words}, and nobody receives: {words_of(error)}")
+
+        # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: _Datagrams(self._wait, self._answers, fail),
+            local_addr=None if sends else place,
+            remote_addr=place if sends else None,
         )
-        self._opened("listening")
+        self.transport = transport if sends else None
+        self._opened(words)
+        greeting = asyncio.create_task(self._greet(transport.sendto))
         try:
-            await asyncio.Event().wait()
+            while True:
+                await asyncio.sleep(GREETING_S)
+                if loop.time() - failed_s > UNHEARD_S:
+                    self._say(words)
         finally:
+            self.transport = None
+            await cancel(greeting)
             transport.close()
-        return "closed"
+
+    async def _greet(self, send: Callable[[bytes], object]) -> None:
+        while self._greeting is not None:
+            send(self._greeting())
+            await asyncio.sleep(GREETING_S)
 
     async def _server(self) -> str:
         present: _Stream | None = None

@@ -25,6 +25,8 @@ from bottomlock.ports.port import Port
 from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping, Reading
 
 TICK_NS = 50_000_000
+LONGEST_PAUSE_NS = 1_000_000_000
+"""A longer pause of the process is the silence of its sources."""
 WAIT_NS = 150_000_000
 """How long the lines of an incomplete ping are held for the rest of it."""
 REPEATS = 64
@@ -116,6 +118,7 @@ class Engine:
         self._dvl_offset_ns = units.ns_from_s(instrument.stated.clock_offset_s)
         self._steps_seen = 0
         self._failed = ""
+        self._pause_ns, self._paused_at_ns, self._caught_up_ns = 0, 0, 0
         self.now_ns = 0
 
     def _source(self, section: SourceSection) -> SourceState:
@@ -145,6 +148,8 @@ class Engine:
             config.attitude.message if turned and config.attitude is not None else None,
             inertial=inertial and isinstance(config.imu, ImuSection),
             gps=fixed and config.gps is not None,
+            system=section.system,
+            component=section.component,
         )
 
     @property
@@ -170,6 +175,18 @@ class Engine:
         if one.connections > 1:
             one.reader.framer.reset()
         return messages
+
+    def paused(self, pause_ns: int, now_ns: int) -> list[Message]:
+        """The process did not run for so long: what came meanwhile waits, and no source is silent or late for it.
+
+        A pause of more than `LONGEST_PAUSE_NS` is none.
+        """
+        if pause_ns > LONGEST_PAUSE_NS:
+            return self.advance(now_ns)
+        self._pause_ns, self._paused_at_ns = pause_ns, self.now_ns
+        self._caught_up_ns = now_ns + max(pause_ns, TICK_NS)
+        self._tick_ns = self.now_ns = now_ns
+        return []
 
     def arrive(self, source: int, arrival_ns: int, data: bytes) -> list[Message]:
         """Takes bytes of a source, by its place in the configuration; arrivals never fall."""
@@ -244,7 +261,7 @@ class Engine:
                 return None
             return reading.time_ns + offset_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
-        verdict = one.clock.observe(sent_ns, arrival_ns)
+        verdict = one.clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
         if verdict == "late":
             one.refused.add("late, or its clock was set: time of validity unsure")
             return None
@@ -262,21 +279,28 @@ class Engine:
             now_ns=now_ns,
             mode=self.config.mode,
             waiting_for="" if self._failed else estimator.waiting_for,
-            ping_age_ns=_age(now_ns, estimator.ping_used_ns),
+            ping_age_ns=self._age(now_ns, estimator.ping_used_ns),
             ping_period_ns=self._ping_period_ns,
             rank=estimator.rank,
-            imu_age_ns=_age(now_ns, estimator.imu_used_ns),
+            imu_age_ns=self._age(now_ns, estimator.imu_used_ns),
             imu_period_ns=self._imu_period_ns,
             velocity_sd_mps=estimator.velocity_sd_mps,
             rejected=estimator.rejected,
             stepped=steps > self._steps_seen,
             closure_ratio=estimator.closure.ratio,
-            water_age_ns=_age(now_ns, estimator.water_used_ns),
+            water_age_ns=self._age(now_ns, estimator.water_used_ns),
             imu_fault=estimator.imu_fault,
             fault=self._failed or estimator.fault,
         )
         self._steps_seen = steps
         self.machine.update(facts)
+
+    def _age(self, now_ns: int, then_ns: int | None) -> int | None:
+        """Time since then, without a pause of the process that has just been."""
+        if then_ns is None:
+            return None
+        waits = then_ns <= self._paused_at_ns and now_ns < self._caught_up_ns
+        return max(now_ns - then_ns - (self._pause_ns if waits else 0), 0)
 
     def _send(self, *, least_ns: int) -> list[Message]:
         """The estimate to every port, if it is `least_ns` later than the last; nothing where the state forbids it."""
@@ -324,10 +348,6 @@ def _estimator(config: LiveConfig) -> Estimator:
 def _period_ns(sources: Iterable[SourceSection]) -> int:
     """Longest expected period among sources; 0 without any."""
     return max((units.ns_from_s(1.0 / one.rate_hz) for one in sources), default=0)
-
-
-def _age(now_ns: int, then_ns: int | None) -> int | None:
-    return None if then_ns is None else max(now_ns - then_ns, 0)
 
 
 def _without_numbers(text: str) -> str:

@@ -2,7 +2,8 @@
 
 Without chunks a record is in the file as soon as it is written, so a log that ends in the middle of a record, after a
 kill or a loss of power, is read up to there. Messages count from 1, so that a damaged length or kind of a record, which
-would hide what follows, is told from such an end. Topics: `in/<source>`, `connected/<source>`, `out/<place>/<port>`.
+would hide what follows, is told from such an end. Topics: `in/<source>`, `connected/<source>`, `out/<place>/<port>`,
+and `paused/host`, whose bytes are the ns for which the process did not run.
 """
 
 import contextlib
@@ -12,12 +13,12 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, get_args
 
 from bottomlock.errors import DataError, OutputError
 from bottomlock.support.extras import install
 
-Kind = Literal["in", "connected", "out"]
+Kind = Literal["in", "connected", "out", "paused"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Kind and length of a record; channel, number and two times of a message."""
 _KINDS = {"header": 1, "footer": 2, "channel": 4, "message": 5, "attachment": 9, "data end": 15}
@@ -30,7 +31,7 @@ START = "start"
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of a raw log: bytes of a source, a connection of it, or bytes to a port.
+    """An entry of a raw log: bytes of a source, a connection of it, bytes to a port, or a pause of the process.
 
     `place` is that of source or port in the configuration.
     """
@@ -90,6 +91,7 @@ class RawLog:
             *(("in", place, f"in/{name}") for place, name in enumerate(sources)),
             *(("connected", place, f"connected/{name}") for place, name in enumerate(sources)),
             *(("out", place, f"out/{place}/{name}") for place, name in enumerate(ports)),
+            ("paused", 0, "paused/host"),
         ]
         for kind, place, topic in topics:
             self._channels[kind, place] = self._writer.register_channel(
@@ -245,7 +247,7 @@ def _entries(path: Path, first: Any, records: Iterator[tuple[str, Any]]) -> Iter
 
     def add(channel: Any) -> None:  # noqa: ANN401 - untyped library
         kind, place = channel.metadata.get("kind"), channel.metadata.get("place", "")
-        if kind not in {"in", "connected", "out"} or not place.isdigit():
+        if kind not in get_args(Kind) or not place.isdigit():
             raise DataError(
                 f"channel '{channel.topic}' is none of a raw log of `bottomlock live`", place=path
             )

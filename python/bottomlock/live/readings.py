@@ -139,6 +139,7 @@ class MavlinkReader(Reader[Reading]):
         attitude: the message of the attitude; None without.
         inertial: whether HIGHRES_IMU is read.
         gps: whether GPS_RAW_INT is read.
+        system, component: of the sender; None for those of the first reading: two vehicles are never mixed.
 
     Attributes:
         bad_bytes: bytes that belonged to no message.
@@ -149,6 +150,8 @@ class MavlinkReader(Reader[Reading]):
     attitude: AttitudeMessage | None = None
     inertial: bool = True
     gps: bool = False
+    system: int | None = None
+    component: int | None = None
     bad_bytes: int = 0
 
     def __post_init__(self) -> None:
@@ -159,6 +162,7 @@ class MavlinkReader(Reader[Reading]):
         """
         self._dialect = dialect()
         self.framer = MavlinkFramer(self)
+        self._kinds = set(self.wanted(SLOW_HZ))
         self.restart()
 
     def wanted(self, rate_hz: float) -> dict[str, float]:
@@ -193,6 +197,16 @@ class MavlinkReader(Reader[Reading]):
         return found
 
     def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
+        if kind not in self._kinds:
+            return None
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        if sender[0] != (self.system or sender[0]) or sender[1] != (self.component or sender[1]):
+            self.skipped.add(
+                f"{kind} of system {sender[0]}, component {sender[1]}, and this source reads system "
+                f"{self.system or 'any'}, component {self.component or 'any'}"
+            )
+            return None
+        self.system, self.component = sender
         if kind == self.attitude:
             return self._turned(kind, message)
         if kind == "HIGHRES_IMU" and self.inertial:

@@ -105,11 +105,12 @@ def replay_log(
         if open_ and not difference:
             difference = f"{len(open_)} messages before {entry.time_ns} ns were not sent then"
         open_.clear()
-        new = (
-            engine.connected(entry.place, entry.time_ns)
-            if entry.kind == "connected"
-            else engine.arrive(entry.place, entry.time_ns, entry.data)
-        )
+        if entry.kind == "connected":
+            new = engine.connected(entry.place, entry.time_ns)
+        elif entry.kind == "paused":
+            new = engine.paused(int(entry.data), entry.time_ns)
+        else:
+            new = engine.arrive(entry.place, entry.time_ns, entry.data)
         messages += new
         open_.extend(new)
     state = f"{engine.state}, {engine.machine.why}" if engine.machine.why else engine.state

@@ -15,12 +15,14 @@ from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import Answers, Connection, cancel, no_answer
+from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.sinks import Sink, open_sink
-from bottomlock.ports.mavlink import MavlinkPort, MessageIntervals, Timesync
+from bottomlock.ports.address import Address
+from bottomlock.ports.mavlink import MavlinkPort, MessageIntervals, Timesync, heartbeat
+from bottomlock.ports.port import Answers
 
 YOUNG = 1000
 """Container objects since the last collection from which the young ones are looked at; a ping makes some tens."""
@@ -55,6 +57,10 @@ def collected_between_readings() -> Iterator[Callable[[], None]]:
 
 
 SILENT_CONNECTION_PERIODS = 10.0
+PAUSE_NS = TICK_NS + 20_000_000
+"""Time between two looks at the clock after which the host has run something else: an idle one takes a tick."""
+SPOKEN_TO = ("udpout", "serial")
+"""Where an autopilot may say nothing before it is spoken to: PX4 by UDP and by USB."""
 
 Say = Callable[[str], None]
 
@@ -76,7 +82,13 @@ class Live:
         send: is given the messages in place of the sinks (a dry run).
         sinks: the targets of the ports, in place of those that their addresses name.
         clock: host's clock, ns since 1970, never falling.
+        real_time: whether that clock goes on by itself, so that a pause of the process shows in it.
+
+    Attributes:
+        written: messages of each port that its target was given.
     """
+
+    _ran_ns, _running = 0, False
 
     def __init__(
         self,
@@ -88,65 +100,94 @@ class Live:
         send: Callable[[Message], None] | None = None,
         sinks: list[Sink] | None = None,
         clock: Callable[[], int] | None = None,
+        real_time: bool = True,
     ) -> None:
         self.config, self.engine, self.log = config, engine, log
         self.clock = clock or host_clock()
-        self.faults = 0
+        self.faults, self._real_time = 0, real_time
         self._say, self._send = say, send
         self.connections = [self._connection(place) for place in range(len(config.source))]
         if sinks is None:
             sinks = [] if send is not None else list(self._sinks())
         self.sinks = sinks
+        self.written = [0] * len(config.port)
         self._listeners: list[Callable[[], None]] = []
         self._state = engine.state
 
     def _connection(self, place: int) -> Connection:
         section = self.config.source[place]
+        address = source_address(section.address)
+        speaks = isinstance(self.engine.sources[place].reader, MavlinkReader)
         return Connection(
-            source_address(section.address),
+            address,
             on_data=lambda data: self.arrive(place, data),
             on_connected=lambda: self.connected(place),
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
-            answers=self._answers_of_source(place),
+            answers=self._answers(address),
+            greeting=heartbeat() if speaks and address.kind in SPOKEN_TO else None,
         )
 
-    def _answers_of_source(self, place: int) -> Answers:
-        section, reader = self.config.source[place], self.engine.sources[place].reader
-        if not isinstance(reader, MavlinkReader):
-            return no_answer
-        timesync = self._timesync()
-        if section.request_hz is None or self._send is not None:
-            return timesync
-        intervals = MessageIntervals(reader.wanted(section.request_hz))
-        return lambda data: timesync(data) + intervals.answers(data, self.clock())
-
     def _sinks(self) -> Iterator[Sink]:
-        for section, one in zip(self.config.port, self.engine.ports, strict=True):
-            words = f"port {section.port}: "
-            answers = self._timesync() if isinstance(one.port, MavlinkPort) else no_answer
-            yield open_sink(
-                sink_address(section.to),
-                lambda state, words=words: self._say(words + state),  # type: ignore[misc]
-                answers,
-            )
+        """A target of each port; one that several ports, or a source, have the same address of is opened once."""
+        known: dict[tuple[str, str, int], Sink] = {}
+        sources = {one.address.device: one for one in self.connections}
+        for section in self.config.port:
+            address = sink_address(section.to)
+            if address.device not in known:
+                known[address.device] = open_sink(
+                    address,
+                    lambda state, words=f"port {section.port}: ": self._say(words + state),  # type: ignore[misc]
+                    lambda address=address: self._answers(address),  # type: ignore[misc]
+                    shared=sources.get(address.device),
+                )
+            yield known[address.device]
 
-    def _timesync(self) -> Answers:
-        """Answers on the clock of the estimates' stamps; they are no estimates, and not in the raw log."""
-        timesync = Timesync()
-        return lambda data: timesync.answers(data, self.clock())
+    def _answers(self, address: Address) -> Answers:
+        """What answers at an address: TIMESYNC on the clock of the estimates' stamps, requests, commands.
+
+        It is no estimate, and not in the raw log.
+        """
+        found: list[Answers] = []
+        ports = [
+            one.port
+            for section, one in zip(self.config.port, self.engine.ports, strict=True)
+            if sink_address(section.to).device == address.device
+        ]
+        readers = [
+            (section, one.reader)
+            for section, one in zip(self.config.source, self.engine.sources, strict=True)
+            if source_address(section.address) == address and isinstance(one.reader, MavlinkReader)
+        ]
+        if readers or any(isinstance(one, MavlinkPort) for one in ports):
+            timesync = Timesync()
+            found.append(lambda data: timesync.answers(data, self.clock()))
+        for section, reader in readers:
+            if section.request_hz is not None and self._send is None:
+                intervals = MessageIntervals(reader.wanted(section.request_hz), section.system)
+                found.append(lambda data, asks=intervals: asks.answers(data, self.clock()))  # type: ignore[misc]
+        found += [answers for one in ports if (answers := one.answers()) is not None]
+        return lambda data: b"".join(answers(data) for answers in found)
 
     def arrive(self, place: int, data: bytes) -> bool:
         """Bytes of a source: through the engine to the sinks, then to the raw log; whether they gave a reading."""
-        now_ns, source = self.clock(), self.engine.sources[place]
+        now_ns, source = self._now(), self.engine.sources[place]
         taken = source.used
         self._deliver("in", place, now_ns, data, lambda: self.engine.arrive(place, now_ns, data))
         return source.used > taken
 
     def connected(self, place: int) -> None:
         """A source was connected."""
-        now_ns = self.clock()
+        now_ns = self._now()
         self._deliver("connected", place, now_ns, b"", lambda: self.engine.connected(place, now_ns))
+
+    def _now(self) -> int:
+        """The time, once the engine knows of a pause of this process until now, of which its ticks tell."""
+        now_ns, ran_ns = self.clock(), time.monotonic_ns()
+        pause_ns, self._ran_ns = ran_ns - self._ran_ns, ran_ns
+        if self._running and pause_ns > PAUSE_NS:
+            self._deliver("paused", 0, now_ns, b"%d" % pause_ns, lambda: self.engine.paused(pause_ns, now_ns))
+        return now_ns
 
     def _deliver(
         self, kind: Kind, place: int, now_ns: int, data: bytes, work: Callable[[], list[Message]]
@@ -180,7 +221,7 @@ class Live:
         if self._send is not None:
             self._send(message)
         else:
-            self.sinks[message.port].write(message.data)
+            self.written[message.port] += self.sinks[message.port].write(message.data)
 
     def _told(self) -> None:
         if self.engine.state != self._state:
@@ -193,7 +234,7 @@ class Live:
             await self._run(collect)
 
     async def _run(self, collect: Callable[[], None]) -> None:
-        others = [asyncio.create_task(sink.run()) for sink in self.sinks]
+        others = [asyncio.create_task(sink.run()) for sink in dict.fromkeys(self.sinks)]
         others.append(asyncio.create_task(self._ticks(collect)))
         if self.config.log is not None:
             others.append(asyncio.create_task(self._flushes(self.config.log.flush_s)))
@@ -218,7 +259,8 @@ class Live:
 
     def tick(self) -> None:
         """Does what depends on time alone."""
-        self.engine.advance(self.clock())
+        self.engine.advance(self._now())
+        self._running = self._real_time
         self._told()
 
     async def _flushes(self, period_s: float) -> None:

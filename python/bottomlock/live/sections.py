@@ -249,7 +249,7 @@ class SourceSection(Section):
     address: Annotated[
         SourceAddress,
         shown(
-            range="tcp:, tcpin:, udpin:, serial:, file:, stdin, ros: (docs/live.md)",
+            range="tcp:, tcpin:, udpin:, udpout:, serial:, file:, stdin, ros: (docs/live.md)",
             example="tcp:192.168.194.95:16171",
         ),
     ]
@@ -275,6 +275,11 @@ class SourceSection(Section):
     """rate at which the autopilot is asked for what is read of it (SET_MESSAGE_INTERVAL); none: not asked; of
     mavlink"""
 
+    system: Annotated[Annotated[int, Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = None
+    """system that is read, of mavlink; none: that of the first reading, and no other"""
+    component: Annotated[Annotated[int, Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = None
+    """component that is read, of mavlink; none: that of the first reading, and no other"""
+
     @model_validator(mode="after")
     def _messages_stay_whole(self) -> Self:
         if self.address.startswith("ros:") and self.format not in ROS_TYPES:
@@ -296,10 +301,11 @@ class SourceSection(Section):
 
     @model_validator(mode="after")
     def _flags_of_a_format(self) -> Self:
-        if self.request_hz is not None and self.format != "mavlink":
-            raise ValueError(
-                f"'request_hz' belongs to MAVLink, and source '{self.name}' has format '{self.format}'"
-            )
+        for key in ("request_hz", "system", "component"):
+            if getattr(self, key) is not None and self.format != "mavlink":
+                raise ValueError(
+                    f"'{key}' belongs to MAVLink, and source '{self.name}' has format '{self.format}'"
+                )
         if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
             raise ValueError(
                 f"'checksum' belongs to lines of numbers ({', '.join(one.line for one in INSTRUMENTS if one.line)}), "

@@ -6,29 +6,36 @@ a fifth of a second of them waits on this side at most, or two messages.
 
 import asyncio
 import contextlib
+import math
 import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any
 
 from bottomlock.errors import OutputError
 from bottomlock.live.connections import (
     FIRST_WAIT_S,
     LONGEST_WAIT_S,
-    Answers,
     Connection,
-    Datagrams,
     accept,
     listen,
     no_answer,
     words_of,
 )
 from bottomlock.ports.address import Address
+from bottomlock.ports.port import Answers
 
-T = TypeVar("T")
+MOST_RECEIVERS = 32
+"""Clients of one TCP server."""
+WAITING_S = 0.2
+"""Longest time that a message waits on this side while others are written behind it."""
+WARN_AGAIN_S = 60.0
+"""Time between two warnings of a receiver that falls behind."""
+_SEND_BUFFER_BYTES = 8192
+"""Of a TCP socket. By default the system holds megabytes that it cannot send: minutes of estimates."""
 
 
 class Sink:
@@ -37,32 +44,26 @@ class Sink:
     state = "not opened yet"
     dropped = 0
 
-    def write(self, data: bytes) -> None:
-        """Writes bytes at once, or drops them."""
+    def __init__(self, say: Callable[[str], None] = lambda _: None) -> None:
+        self._say = say
+        self._warned_s = -math.inf
+
+    def write(self, data: bytes) -> bool:
+        """Writes bytes at once, or drops them; whether somebody was given them."""
         raise NotImplementedError
 
     async def run(self) -> None:
         """Keeps the target open until it is cancelled."""
         raise NotImplementedError
 
-    async def opened(self, attempt: Callable[[], Awaitable[T]]) -> T:
-        """What an attempt to open the target gives, once one succeeds."""
-        wait_s = FIRST_WAIT_S
-        while True:
-            try:
-                return await attempt()
-            except OSError as error:
-                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
-                self.state = f"cannot be opened: {words_of(error)}; next attempt in {wait_s:g} s"
-                await asyncio.sleep(wait_s)
-
-
-MOST_RECEIVERS = 32
-"""Clients of one TCP server."""
-WAITING_S = 0.2
-"""Longest time that a message waits on this side while others are written behind it."""
-_SEND_BUFFER_BYTES = 8192
-"""Of a TCP socket. By default the system holds megabytes that it cannot send: minutes of estimates."""
+    def _fell_behind(self) -> None:
+        """A receiver has not taken what it was sent before."""
+        now_s = time.monotonic()
+        if now_s - self._warned_s > WARN_AGAIN_S:
+            self._warned_s = now_s
+            self._say(
+                "a receiver reads too slowly, messages are dropped: set rate_hz below what it reads a second"
+            )
 
 
 class _Writer:
@@ -73,7 +74,9 @@ class _Writer:
         self._waiting: deque[tuple[float, int]] = deque()
         """When each message was written that the receiver may not have, and its length."""
         one = transport.get_extra_info("socket")
-        self._socket = one if one is not None and one.family in {socket.AF_INET, socket.AF_INET6} else None
+        self._is_udp = hasattr(transport, "sendto")
+        is_ip = one is not None and one.family in {socket.AF_INET, socket.AF_INET6}
+        self._socket = one if is_ip and not self._is_udp else None
         if self._socket is not None:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
             if hasattr(socket, "TCP_NOTSENT_LOWAT"):
@@ -88,7 +91,7 @@ class _Writer:
         late = len(self._waiting) > 1 and now - self._waiting[0][0] > WAITING_S
         if late or self.transport.get_write_buffer_size():
             return False
-        self.transport.write(data)
+        (self.transport.sendto if self._is_udp else self.transport.write)(data)
         self._waiting.append((now, len(data)))
         return True
 
@@ -107,77 +110,50 @@ class _Writer:
         return unsent
 
 
-class _Udp(Sink):
-    def __init__(self, address: Address, answers: Answers) -> None:
-        self._address, self._answers = address, answers
-        self._transport: asyncio.DatagramTransport | None = None
+class _Connected(Sink):
+    """A TCP or UDP socket or a serial line, kept open as a source is, and perhaps one of a source."""
 
-    def write(self, data: bytes) -> None:
-        if self._transport is None:
-            self.dropped += 1
-        else:
-            self._transport.sendto(data)
-
-    async def run(self) -> None:
-        remote = self._address.host, self._address.port
-        # A receiver that is not there yet must not end the sending: asyncio hands such errors to the protocol.
-        transport, _ = await self.opened(
-            lambda: asyncio.get_running_loop().create_datagram_endpoint(
-                lambda: Datagrams(lambda _: None, self._answers), remote_addr=remote
-            )
-        )
-        self._transport = transport
-        self.state = "sending"
-        try:
-            await asyncio.Event().wait()
-        finally:
-            transport.close()
-
-
-class _Stream(Sink):
-    """A TCP connection or a serial line, kept open as a source is; of what comes back only questions are answered."""
-
-    def __init__(
-        self, address: Address, on_state: Callable[[str], None], answers: Callable[[bytes], bytes]
-    ) -> None:
+    def __init__(self, connection: Connection, say: Callable[[str], None], *, own: bool) -> None:
+        super().__init__(say)
+        self._connection, self._own = connection, own
         self._writer: _Writer | None = None
-        self._connection = Connection(
-            address,
-            on_data=lambda _: False,
-            on_connected=lambda: None,
-            on_state=on_state,
-            silence_s=float("inf"),
-            on_transport=self._use,
-            answers=answers,
-        )
-
-    def _use(self, transport: Any) -> None:  # noqa: ANN401 - asyncio's or the serial library's
-        self._writer = None if transport is None else _Writer(transport)
 
     @property
     def state(self) -> str:  # type: ignore[override]
         """What the connection does."""
         return self._connection.state
 
-    def write(self, data: bytes) -> None:
-        if self._writer is None or not self._writer.write(data):
-            self.dropped += 1
+    def write(self, data: bytes) -> bool:
+        transport = self._connection.transport
+        if self._writer is None or self._writer.transport is not transport:
+            self._writer = None if transport is None else _Writer(transport)
+        if self._writer is not None:
+            if self._writer.write(data):
+                return True
+            self._fell_behind()
+        self.dropped += 1
+        return False
 
     async def run(self) -> None:
-        await self._connection.run()
+        if self._own:
+            await self._connection.run()
 
 
 class _Client(asyncio.Protocol):
-    """A receiver of a TCP server; what it sends is not read."""
+    """A receiver of a TCP server; of what it sends only questions are answered."""
 
-    def __init__(self, changed: Callable[["_Client"], None]) -> None:
+    def __init__(self, changed: Callable[["_Client"], None], answers: Answers) -> None:
         self.writer: _Writer | None = None
         self.closed = False
-        self._changed = changed
+        self._changed, self._answers = changed, answers
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self.writer = _Writer(transport)
         self._changed(self)
+
+    def data_received(self, data: bytes) -> None:
+        if self.writer is not None and (answer := self._answers(data)):
+            self.writer.write(answer)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's
         self.closed = True
@@ -187,13 +163,17 @@ class _Client(asyncio.Protocol):
 class _Server(Sink):
     """A TCP server: every client gets every message; with `MOST_RECEIVERS` of them a further one is sent away."""
 
-    def __init__(self, address: Address) -> None:
-        self._address = address
+    def __init__(self, address: Address, say: Callable[[str], None], answers: Callable[[], Answers]) -> None:
+        super().__init__(say)
+        self._address, self._answers = address, answers
         self._clients: set[_Client] = set()
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes) -> bool:
         written = [client.writer.write(data) for client in self._clients if client.writer is not None]
+        if False in written:
+            self._fell_behind()
         self.dropped += written.count(False) if written else 1
+        return any(written)
 
     def _changed(self, client: _Client) -> None:
         (self._clients.discard if client.closed else self._clients.add)(client)
@@ -203,16 +183,25 @@ class _Server(Sink):
         if len(self._clients) == MOST_RECEIVERS:
             client.close()
             return
-        await asyncio.get_running_loop().connect_accepted_socket(lambda: _Client(self._changed), client)
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: _Client(self._changed, self._answers()), client)
 
-    def _say(self, words: str) -> None:
+    def _show(self, words: str) -> None:
         self.state = words
 
     async def run(self) -> None:
-        servers = await self.opened(lambda: listen(self._address.host, self._address.port))
+        servers: list[socket.socket] = []
+        wait_s = FIRST_WAIT_S
+        while not servers:
+            try:
+                servers = await listen(self._address.host, self._address.port)
+            except OSError as error:
+                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
+                self.state = f"cannot be opened: {words_of(error)}; next attempt in {wait_s:g} s"
+                await asyncio.sleep(wait_s)
         self.state = "0 clients"
         try:
-            await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
+            await asyncio.gather(*(accept(server, self._add, self._show) for server in servers))
         finally:
             for server in servers:
                 server.close()
@@ -225,6 +214,7 @@ class _File(Sink):
     """A file to which messages are appended, or stdout."""
 
     def __init__(self, address: Address) -> None:
+        super().__init__()
         self._file: IO[bytes]
         if address.kind == "stdout":
             self._file = sys.stdout.buffer
@@ -237,13 +227,16 @@ class _File(Sink):
                 ) from error
         self.state = "writing"
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes) -> bool:
         try:
             self._file.write(data)
             self._file.flush()
         except OSError as error:
             self.dropped += 1
             self.state = f"cannot be written: {error.strerror or error}"
+            return False
+        self.state = "writing"
+        return True
 
     async def run(self) -> None:
         try:
@@ -253,21 +246,36 @@ class _File(Sink):
                 self._file.close()
 
 
-def open_sink(address: Address, on_state: Callable[[str], None], answers: Answers = no_answer) -> Sink:
+def open_sink(
+    address: Address,
+    say: Callable[[str], None],
+    answers: Callable[[], Answers] = lambda: no_answer,
+    *,
+    shared: Connection | None = None,
+) -> Sink:
     """The sink of an address.
 
     Args:
         address: where to.
-        on_state: is told what a connection does.
-        answers: what to send back on bytes that come back, over UDP, TCP that connects, and serial lines.
+        say: is told what a connection does, and that a receiver falls behind.
+        answers: gives for each client what to send back on bytes that come back.
+        shared: the connection of a source at this address: a device is opened once.
 
     Raises:
         OutputError: for a file that cannot be opened.
     """
-    if address.kind == "udpout":
-        return _Udp(address, answers)
+    if shared is not None:
+        return _Connected(shared, say, own=False)
     if address.kind == "tcpin":
-        return _Server(address)
+        return _Server(address, say, answers)
     if address.kind in {"file", "stdout"}:
         return _File(address)
-    return _Stream(address, on_state, answers)
+    connection = Connection(
+        address,
+        on_data=lambda _: False,
+        on_connected=lambda: None,
+        on_state=say,
+        silence_s=math.inf,
+        answers=answers(),
+    )
+    return _Connected(connection, say, own=True)

@@ -22,6 +22,7 @@ class Instrument:
     rate_hz: float
     beam_noise_mps: float = 0.05
     notes: tuple[str, ...] = ()
+    beams: int = 4
 
 
 @dataclass(frozen=True)
@@ -55,22 +56,23 @@ INSTRUMENTS = {
     ),
     "nucleus": Instrument(
         "Nortek Nucleus1000, TCP", "nucleus", "tcp:192.168.2.201:9000", "geometry.toml", 2.0,
-        notes=(_OWN_GEOMETRY, "three beams: one lost beam already leaves a partial velocity"),
+        notes=(_OWN_GEOMETRY, "three beams: one lost beam already leaves a partial velocity"), beams=3,
     ),
     "tracker650": Instrument(
         "Cerulean Tracker 650, UDP", "cerulean-dvkfc", "udpin:0.0.0.0:27000", "geometry.toml", 2.0,
-        notes=(_OWN_GEOMETRY, "three cones: one lost cone already leaves a partial velocity"),
+        notes=(_OWN_GEOMETRY, "three cones: one lost cone already leaves a partial velocity"), beams=3,
     ),
 }  # fmt: skip
 
 
-def _mavlink_imu(address: str) -> tuple[str, ...]:
+def _mavlink_imu(address: str, *more: str) -> tuple[str, ...]:
     return (
         "[[source]]",
         'name = "autopilot"',
         f'address = "{address}"   # a telemetry stream with HIGHRES_IMU at 50 Hz or more',
         'format = "mavlink"',
         "rate_hz = 50",
+        *more,
     )
 
 
@@ -88,7 +90,7 @@ AUTOPILOTS = {
         ('port = "vision_position_delta"', 'to = "udpout:127.0.0.1:14550"'),
         "navigation",
         (
-            "set VISO_TYPE = 1, EK3_SRC1_VELXY = 6 (which fuses all three axes), VISO_DELAY_MS (docs/ports.md)",
+            "set VISO_TYPE = 1 (MAVLink), EK3_SRC1_VELXY = 6 (all three axes), VISO_DELAY_MS = 50 + age on the page",
             'without an IMU set mode = "velocity" and remove the sections that it names:',
             "ArduPilot then gets a velocity only while the beams determine all of it",
         ),
@@ -99,17 +101,28 @@ AUTOPILOTS = {
         ('port = "odometry"', 'to = "udpout:127.0.0.1:14580"', 'settings.receiver = "px4"'),
         "navigation",
         (
-            "set EKF2_EV_CTRL = 4 (velocity only), EKF2_EV_DELAY, EKF2_EV_NOISE_MD = 0, EKF2_EV_POS_* (docs/ports.md)",
-            "14580 is where the simulator listens; on a vehicle give its telemetry line, serial:DEVICE:BAUD",
+            "set EKF2_EV_CTRL = 4 (velocity), EKF2_EV_DELAY = 0, EKF2_EV_NOISE_MD = 0, EKF2_EV_POS_* (docs/ports.md)",
+            "the simulator listens on 14580 and sends to who speaks to it: one address for its IMU and for the port;",
+            "on a vehicle give its telemetry line in both places, serial:DEVICE:BAUD",
             "10 messages a second with twice the variance (the default): slower ones may never start PX4",
         ),
-        _mavlink_imu("udpin:0.0.0.0:14540"),
+        _mavlink_imu("udpout:127.0.0.1:14580"),
     ),
     "microstrain": Autopilot(
         "MicroStrain CV7 or GQ7, MIP 0x13,0x2A",
         ('port = "microstrain"', 'to = "serial:/dev/ttyACM0:115200"'),
         "velocity",
         ("takes each axis by itself: the only port that gets all of a partial velocity without an IMU",),
+    ),
+    "dvl": Autopilot(
+        "whatever reads a Water Linked DVL: the DVL with its lost velocities restored",
+        ('port = "waterlinked_json"', 'to = "tcpin:0.0.0.0:16171"'),
+        "navigation",
+        (
+            "there give this computer's address in place of the DVL's; its commands are answered (docs/ports.md)",
+            "needs HIGHRES_IMU, of ArduSub 4.6 or later, or an IMU of your own (docs/howto/rov.md)",
+        ),
+        _mavlink_imu("tcp:127.0.0.1:5777", "request_hz = 50"),
     ),
     "ros2": Autopilot(
         "ROS 2, geometry_msgs/TwistWithCovarianceStamped as CDR",
@@ -198,9 +211,14 @@ def template(instrument: str, autopilot: str) -> str:
     """The configuration for an instrument and an autopilot.
 
     Raises:
-        ScenarioError: for an unknown name, with the nearest.
+        ScenarioError: for an unknown name, with the nearest, and three beams for a report of four.
     """
     dvl, receiver = _named("instrument", instrument, INSTRUMENTS), _named("autopilot", autopilot, AUTOPILOTS)
+    if autopilot == "dvl" and dvl.beams != INSTRUMENTS["a50"].beams:
+        raise ScenarioError(
+            f"{dvl.title} has {dvl.beams} beams, a Water Linked's report four",
+            hint="name another autopilot than 'dvl'",
+        )
     text = _HEAD.format(
         instrument=dvl.title, autopilot=receiver.title, mode=receiver.mode, geometry=dvl.geometry,
         address=dvl.address, form=dvl.format, rate=dvl.rate_hz, noise=dvl.beam_noise_mps,

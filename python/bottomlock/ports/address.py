@@ -57,6 +57,11 @@ class Address:
     path: str = ""
     baud: int = 0
 
+    @property
+    def device(self) -> tuple[str, str, int]:
+        """What is opened once, whatever is read from and written to it."""
+        return self.kind, self.host or self.path, self.port
+
 
 def forms(kinds: tuple[Kind, ...]) -> str:
     """The forms of these kinds, for help and errors."""

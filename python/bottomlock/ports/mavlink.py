@@ -8,7 +8,7 @@ NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import SimpleNamespace
 from typing import Annotated, Any, Self
@@ -175,6 +175,27 @@ class Timesync:
         return data
 
 
+def heartbeat() -> Callable[[], bytes]:
+    """Makes the HEARTBEAT of an onboard computer, each with the next number."""
+    dialect_ = dialect()
+    link = dialect_.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
+
+    def beat() -> bytes:
+        message = dialect_.MAVLink_heartbeat_message(
+            dialect_.MAV_TYPE_ONBOARD_CONTROLLER,
+            dialect_.MAV_AUTOPILOT_INVALID,
+            0,
+            0,
+            dialect_.MAV_STATE_ACTIVE,
+            3,
+        )
+        data = bytes(message.pack(link))
+        link.seq = (link.seq + 1) % 256
+        return data
+
+    return beat
+
+
 AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 AGAIN_S = 10.0
@@ -188,13 +209,14 @@ class MessageIntervals:
 
     Args:
         rates_hz: of each message by its name in MAVLink.
+        system: of the autopilot; None for any.
 
     Raises:
         ScenarioError: where pymavlink is not installed, or for a name that is none of its messages.
     """
 
-    def __init__(self, rates_hz: Mapping[str, float]) -> None:
-        self._dialect = dialect()
+    def __init__(self, rates_hz: Mapping[str, float], system: int | None = None) -> None:
+        self._dialect, self._system = dialect(), system
         self._link = self._dialect.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
         self._intervals_us = {self._number(name): 1e6 / rate for name, rate in rates_hz.items()}
         self._asked_ns: int | None = None
@@ -214,7 +236,11 @@ class MessageIntervals:
         parser = self._dialect.MAVLink(None)
         parser.robust_parsing = True
         for message in parser.parse_buffer(data) or []:
-            if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == AUTOPILOT:
+            if (
+                message.get_type() == "HEARTBEAT"
+                and message.get_srcComponent() == AUTOPILOT
+                and self._system in {None, message.get_srcSystem()}
+            ):
                 self._asked_ns = now_ns
                 return b"".join(
                     self._ask(message.get_srcSystem(), *one) for one in self._intervals_us.items()

@@ -1,5 +1,6 @@
 """What the ports share: order of the estimates, the rate, and the sequence of checks before a message."""
 
+from collections.abc import Callable
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
@@ -18,6 +19,10 @@ def _frame(name: str) -> str:
 
 FrameName = Annotated[str, AfterValidator(_frame)]
 """Name of axes in a message of ROS 2."""
+
+
+Answers = Callable[[bytes], bytes]
+"""What to send back on bytes of a client."""
 
 
 class Port(BaseModel):
@@ -85,6 +90,10 @@ class Port(BaseModel):
         if data is not None:
             self._sent_ns = estimate.time_ns
         return data
+
+    def answers(self) -> Answers | None:
+        """What answers a client that asks something of an instrument in whose place the port is; None for nothing."""
+        return None
 
     def _refusal(self, estimate: Estimate) -> str | None:
         """Why the estimate cannot be sent, whatever was sent before."""

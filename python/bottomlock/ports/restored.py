@@ -15,7 +15,7 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import scalar_bound
-from bottomlock.ports.port import Port, incomplete
+from bottomlock.ports.port import Answers, Port, incomplete
 from bottomlock.ports.ros_dvl import altitude_m
 
 MAX_RATE_HZ = 10.0
@@ -39,6 +39,8 @@ class _Restored(Port):
         self._directions = np.asarray(self.geometry.directions_p)
         self._encoder = encoder(self.format, self.geometry)
         self._limit = getattr(self, self.limit_key)
+        commands = self._encoder.format.commands
+        self._commands = None if commands is None else commands()
         self._number = 0
         self._since_ns: int | None = None
         """Time of the report before; of the first estimate where there is none."""
@@ -59,6 +61,10 @@ class _Restored(Port):
     def _observe(self, estimate: Estimate, *, sent: bool) -> None:
         if sent or self._since_ns is None:
             self._since_ns = estimate.time_ns
+
+    def answers(self) -> Answers | None:
+        """The commands of the maker's clients: answered, and without effect on what is sent."""
+        return None if self._commands is None else self._commands.client()
 
     def _beam_velocities(self, estimate: Estimate) -> Floats:
         raise NotImplementedError

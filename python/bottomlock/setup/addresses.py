@@ -14,8 +14,8 @@ from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig
 from bottomlock.ports.address import Address, Kind, parse_address
 
-_SOURCES: tuple[Kind, ...] = ("tcp", "udpin", "serial")
-_TARGETS: tuple[Kind, ...] = ("tcp", "udpout", "serial")
+_SOURCES: tuple[Kind, ...] = ("tcp", "udpin", "udpout", "serial")
+_TARGETS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial")
 _BY_HAND = ("tcp:", "tcpin:", "udpin:", "udpout:", "serial:/dev/")
 _LOCAL_NAMES = ("localhost", ".local")
 

@@ -28,7 +28,7 @@ LOOKS_DOWN_DEG = 30.0
 """Of the mounting: up to here its beams measure the distance to the bottom, for the autopilot's rangefinder."""
 FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.geometry.endswith(".toml")}
 """Those whose geometry is packaged; the others need a file of their own, and so a configuration by hand."""
-FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4")}
+FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4", "dvl")}
 
 _Degrees = Annotated[float, Field(ge=-180, le=180)]
 _Pitch = Annotated[float, Field(ge=-90, le=90)]
@@ -94,7 +94,8 @@ def config_text(form: SetupForm, geometry: str) -> str:
         parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ, method=RECOMMENDED_METHOD)]
     port = [line for line in autopilot.port if not line.startswith("to = ")]
     parts += ["\n".join(["[[port]]", f"to = {_quoted(form.to)}", *port])]
-    if max(abs(form.mounting_roll_deg), abs(form.mounting_pitch_deg)) < LOOKS_DOWN_DEG:
+    looks_down = max(abs(form.mounting_roll_deg), abs(form.mounting_pitch_deg)) < LOOKS_DOWN_DEG
+    if looks_down and form.autopilot != "dvl":
         parts += [f'[[port]]\nto = {_quoted(form.to)}\nport = "distance_sensor"']
     if form.record:
         parts += [f'[log]\nfolder = "{LOGS}"']

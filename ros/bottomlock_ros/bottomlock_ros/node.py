@@ -44,9 +44,10 @@ class TopicSink(Sink):
     def __init__(self, publisher: Any) -> None:  # noqa: ANN401 - rclpy's
         self._publisher = publisher
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes) -> bool:
         """Publishes a serialised message."""
         self._publisher.publish(data)
+        return True
 
     async def run(self) -> None:
         """Nothing: rclpy keeps the publisher."""
@@ -189,7 +190,16 @@ class BottomlockNode(LifecycleNode):
             self.get_logger().error(f"no raw log: {error}")
             engine, log = make(logged=False)
         sinks: list[Sink] = [TopicSink(self._by_topic[sink_address(port.to).path]) for port in config.port]
-        live = Live(config, engine, say=self._say, log=log, sinks=sinks, clock=lambda: self._now_ns)
+        simulated = self.get_parameter("use_sim_time").get_parameter_value().bool_value
+        live = Live(
+            config,
+            engine,
+            say=self._say,
+            log=log,
+            sinks=sinks,
+            clock=lambda: self._now_ns,
+            real_time=not simulated,
+        )
         for place, connection in enumerate(live.connections):
             connection.state = "subscribed"
             live.connected(place)
