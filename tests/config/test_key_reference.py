@@ -11,7 +11,7 @@ import pytest
 from pydantic import BaseModel, TypeAdapter
 
 from bottomlock.cli.keys import MODELS, Kind, keys, matching, reference
-from bottomlock.config.key_reference import describe, key_of, section_models
+from bottomlock.config.key_reference import key_of, section_models, sections_of
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from tools import key_reference
@@ -40,7 +40,7 @@ def test_every_key_is_described_and_its_example_is_valid() -> None:
         for name, field in model.model_fields.items():
             if section_models(field.annotation):
                 continue
-            key, place = key_of(model, name, field), f"{model.__name__}.{name}"
+            key, place = key_of(model, name), f"{model.__name__}.{name}"
             assert key.meaning, place
             assert key.range or key.type in {"true or false", "table"}, place
             assert key.unit or "number" not in key.type, place
@@ -93,9 +93,7 @@ def test_words_narrow_the_list_and_unknown_ones_name_the_nearest() -> None:
 
 def test_ranges_are_those_of_the_validators() -> None:
     """Bounds, choices, lists and optional keys in words, by hand."""
-    described = {
-        name: describe(field.annotation, tuple(field.metadata)) for name, field in Dvl.model_fields.items()
-    }
+    described = {key.name: (key.type, key.range) for key in sections_of(Dvl)[0].keys}
     assert described["rate_hz"] == ("number", "> 0, ≤ 100")
     assert described["tilts_deg"] == ("list of numbers", "each > -90, < 90")
     assert described["directions"] == ("list of lists of 3 numbers", "each finite")

@@ -1,24 +1,23 @@
 """Every key of a settings file, from its pydantic model: type, unit, default, range, meaning and example."""
 
 import re
-import types
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from functools import cache
+from typing import Any, get_args, get_origin
 
-import annotated_types
-from pydantic import BaseModel, BeforeValidator
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from pydantic.json_schema import GenerateJsonSchema
 
 from bottomlock.config.section import unit_of
 from bottomlock.config.toml_value import toml_value
 
 REQUIRED = "required"
 _WORDS = {
-    float: "number", int: "whole number", bool: "true or false", str: "text", Path: "file", Any: "any value",
+    "number": "number", "integer": "whole number", "boolean": "true or false", "string": "text", "any": "any value",
 }  # fmt: skip
-_NUMBERS = {float, int}
+_BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: st
     for name, field in model.model_fields.items():
         inner = section_models(field.annotation)
         if not inner:
-            keys.append(key_of(model, name, field))
+            keys.append(key_of(model, name))
             continue
         inside = f"{path}.{name}" if path else name
         for one in inner:
@@ -74,75 +73,67 @@ def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: st
         yield from _sections(one, inside, repeated=many, left_out=words)
 
 
-def key_of(model: type[BaseModel], name: str, field: FieldInfo) -> Key:
-    """The description of one key.
+class _AsDeclared(GenerateJsonSchema):
+    """A JSON schema whose keys are in the order of the models."""
+
+    def sort(self, value: Any, parent_key: str | None = None) -> Any:  # noqa: ANN401, ARG002 - of pydantic
+        """The schema as it is."""
+        return value
+
+
+@cache
+def _schema(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema(schema_generator=_AsDeclared)
+
+
+def _unit_in(node: dict[str, Any]) -> str:
+    """The unit that is stated of a key, or of one of its values."""
+    within = (
+        *node.get("anyOf", ()),
+        *node.get("prefixItems", ()),
+        *([node["items"]] if "items" in node else ()),
+    )
+    return node.get("unit") or next(filter(None, map(_unit_in, within)), "")
+
+
+def key_of(model: type[BaseModel], name: str) -> Key:
+    """The description of one key, from the JSON schema of its section.
 
     Raises:
-        LookupError: for a key without a meaning, or a number without a unit.
+        LookupError: for a key without a meaning or an example, or a number without a unit.
     """
-    kind, span = describe(field.annotation, tuple(field.metadata))
-    if not field.description:
+    node = _schema(model)["properties"][name]
+    kind, span = describe(node)
+    unit = _unit_in(node) or unit_of(name)
+    if "description" not in node:
         raise LookupError(f"{model.__name__}.{name} has no meaning: add a docstring below the attribute")
+    if not unit and "number" in kind:
+        raise LookupError(f"{model.__name__}.{name} is a number without a unit")
+    default = REQUIRED
+    if name not in _schema(model).get("required", ()):
+        default = "none" if node.get("default", {}) is None else toml_value(node.get("default", {}))
     return Key(
         name=name,
         type=kind,
-        unit=_unit(model, name, field),
-        default=_default(field),
-        range=_stated(field, "range") or span,
-        meaning=" ".join(field.description.split()),
-        example=f"{name} = {toml_value(_example(model, name, field))}",
+        unit=unit,
+        default=default,
+        range=node.get("range", span),
+        meaning=" ".join(node["description"].split()),
+        example=f"{name} = {toml_value(_example(name, node))}",
     )
 
 
-def _stated(field: FieldInfo, name: str) -> str:
-    extra = field.json_schema_extra
-    return str(extra.get(name, "")) if isinstance(extra, dict) else ""
-
-
-def _example(model: type[BaseModel], name: str, field: FieldInfo) -> Any:  # noqa: ANN401 - of any key
-    """The value of the example: the stated one, that of a packaged file, else the default, else the first of a choice.
-
-    Raises:
-        LookupError: for a key that has none of them.
-    """
-    if field.examples:
-        return field.examples[0]
-    if of_packaged := getattr(model, "example_of", None):
-        return of_packaged(name)
-    default = None if field.is_required() else field.get_default(call_default_factory=True)
-    if default is not None and default not in ((), {}):
-        return default
-    if get_origin(field.annotation) is Literal:
-        return get_args(field.annotation)[0]
+def _example(name: str, node: dict[str, Any]) -> Any:  # noqa: ANN401 - of any key
+    """The value of the example: the stated one, else the default, else the first of a choice."""
+    for value in (
+        *node.get("examples", ())[:1],
+        node.get("default"),
+        *node.get("enum", ())[:1],
+        node.get("const"),
+    ):
+        if value not in (None, [], {}):
+            return value
     raise LookupError(f"'{name}' has no example, and its default is none")
-
-
-def _unit(model: type[BaseModel], name: str, field: FieldInfo) -> str:
-    """The unit: stated, of a coefficient, or that of the key's ending; "1" of a number without dimension."""
-    units = [list(one.units) for one in _coefficients(field.annotation, tuple(field.metadata))]
-    unit = _stated(field, "unit") or (" or ".join(units[0]) if units else unit_of(name))
-    if not unit and _has_numbers(field.annotation):
-        raise LookupError(f"{model.__name__}.{name} is a number without a unit")
-    return unit
-
-
-def _coefficients(annotation: Any, metadata: tuple[Any, ...]) -> list[Any]:  # noqa: ANN401 - a type
-    """The checks of a vehicle's coefficient among a key's validators: those that know their units."""
-    here = [one.func for one in metadata if isinstance(one, BeforeValidator) and hasattr(one.func, "units")]
-    for inner in get_args(annotation):
-        here += _coefficients(inner, getattr(inner, "__metadata__", ()))
-    return here
-
-
-def _has_numbers(annotation: Any) -> bool:  # noqa: ANN401 - a type
-    return annotation in _NUMBERS or any(_has_numbers(inner) for inner in get_args(annotation))
-
-
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return REQUIRED
-    value = field.get_default(call_default_factory=True)
-    return "none" if value is None else toml_value(value)
 
 
 def section_models(annotation: Any) -> list[type[BaseModel]]:  # noqa: ANN401 - a type
@@ -206,67 +197,37 @@ def _first_sentence(model: type[BaseModel]) -> str:
     return text if end is None else text[: end.start() + 1]
 
 
-def describe(annotation: Any, metadata: tuple[Any, ...] = ()) -> tuple[str, str]:  # noqa: ANN401 - a type
-    """Type and permitted range of an annotation with its constraints, in words."""
-    origin, inner = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        return describe(inner[0], (*inner[1:], *metadata))
-    checks = _coefficients(annotation, metadata) if annotation is float else []
-    if checks:
-        return "{ value, unit, source }", checks[0].range
-    if origin is Literal:
-        return "choice", ", ".join(toml_value(value) for value in inner)
-    if origin in {Union, types.UnionType}:
-        parts = [describe(one, metadata) for one in inner if one is not type(None)]
-        kinds = list(dict.fromkeys(kind for kind, _ in parts))
+def describe(node: dict[str, Any]) -> tuple[str, str]:
+    """Type and permitted range of a key in words, from its JSON schema."""
+    if "enum" in node or "const" in node:
+        return "choice", ", ".join(toml_value(value) for value in node.get("enum", [node.get("const")]))
+    if "anyOf" in node:
+        parts = [describe(one) for one in node["anyOf"] if one != {"type": "null"}]
+        kinds = dict.fromkeys(kind for kind, _ in parts)
         return " or ".join(kinds), " or ".join(dict.fromkeys(span for _, span in parts if span))
-    if origin in {tuple, list}:
-        return _list_words(inner, metadata)
-    if origin is dict or annotation is dict:
-        return "table", ""
-    word = _WORDS.get(annotation, getattr(annotation, "__name__", str(annotation)))
-    return word, _range(annotation, metadata)
+    kind = node.get("type", "any")
+    if kind == "array":
+        return _list_words(node)
+    if kind == "object":
+        names = ", ".join(node.get("properties", ()))
+        return f"{{ {names} }}" if names else "table", node.get("range", "")
+    return "file" if node.get("format") == "path" else _WORDS[kind], _range(kind, node)
 
 
-def _list_words(inner: tuple[Any, ...], metadata: tuple[Any, ...]) -> tuple[str, str]:
-    count = "list" if len(inner) == 1 or inner[-1] is Ellipsis else str(len(inner))
-    word, span = describe(inner[0])
-    plural = {"text": "texts", "choice": "choices", "true or false": "true or false"}.get(
-        word, re.sub("number$", "numbers", word)
-    )
+def _list_words(node: dict[str, Any]) -> tuple[str, str]:
+    each = node.get("prefixItems")
+    word, span = describe(each[0] if each else node["items"])
+    plural = {"text": "texts", "choice": "choices"}.get(word, re.sub("number$", "numbers", word))
     plural = re.sub("^3 numbers$", "lists of 3 numbers", plural)
-    least = next((one.min_length for one in metadata if isinstance(one, annotated_types.MinLen)), 0)
-    each = span if span.startswith("each") or span == "any" else f"each {span}"
-    words = ", ".join(filter(None, (f"{least} or more" if least else "", each)))
-    return (f"list of {plural}" if count == "list" else f"{count} {plural}"), words
+    least = "" if each or "minItems" not in node else f"{node['minItems']} or more"
+    spans = span if span.startswith("each") or span == "any" else f"each {span}"
+    count = f"{len(each)}" if each else "list of"
+    return f"{count} {plural}", ", ".join(filter(None, (least, spans)))
 
 
-def _range(annotation: Any, metadata: tuple[Any, ...]) -> str:  # noqa: ANN401 - a type
+def _range(kind: str, node: dict[str, Any]) -> str:
     """The bounds of a number, the pattern or length of a text."""
-    low = high = ""
-    words = []
-    for one in _flat(metadata):
-        if isinstance(one, annotated_types.Gt):
-            low = f"> {toml_value(one.gt)}"
-        elif isinstance(one, annotated_types.Ge):
-            low = f"≥ {toml_value(one.ge)}"
-        elif isinstance(one, annotated_types.Lt):
-            high = f"< {toml_value(one.lt)}"
-        elif isinstance(one, annotated_types.Le):
-            high = f"≤ {toml_value(one.le)}"
-        elif getattr(one, "pattern", None):
-            words.append(f"matches {one.pattern}")
-        elif isinstance(one, annotated_types.MinLen):
-            words.append("not empty")
-    bounds = ", ".join(filter(None, (low, high)))
-    if annotation in _NUMBERS and not bounds:
-        return "finite" if annotation is float else "whole"
-    return ", ".join(filter(None, (bounds, *words))) or ("any" if annotation in {str, Path, Any} else "")
-
-
-def _flat(metadata: tuple[Any, ...]) -> Iterator[Any]:
-    for one in metadata:
-        if isinstance(one, FieldInfo):
-            yield from _flat(tuple(one.metadata))
-        else:
-            yield one
+    words = [f"{sign} {toml_value(node[key])}" for key, sign in _BOUNDS.items() if key in node]
+    words += [f"matches {node['pattern']}"] if "pattern" in node else []
+    words += ["not empty"] if "minLength" in node else []
+    return ", ".join(words) or {"number": "finite", "integer": "whole", "boolean": ""}.get(kind, "any")

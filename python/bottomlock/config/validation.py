@@ -52,7 +52,7 @@ def _missing(key: str, section: type[BaseModel]) -> str:
         needed = [name for name, one in inner[0].model_fields.items() if one.is_required()]
         return f"a section [{key}] with {', '.join(needed) or 'any of its keys'}"
     try:
-        found = key_of(section, name, field)
+        found = key_of(section, name)
     except LookupError:
         return ""
     unit = f" in {found.unit}" if found.unit not in {"", "1"} else ""

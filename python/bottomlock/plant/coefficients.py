@@ -8,7 +8,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 _DEGREE = math.pi / 180.0
 _RPM = 1.0 / 60.0
@@ -85,6 +86,20 @@ class Check:
             raise ValueError(f"{value:g} {unit} is above the limit of {high:g} (SI)")
         return si
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """How pydantic checks a coefficient."""
+        return core_schema.no_info_before_validator_function(self, handler(source))
+
+    def __get_pydantic_json_schema__(self, *_: object) -> dict[str, Any]:
+        """How an editor does, and what the key reference says."""
+        properties = {
+            "value": {"type": "number"},
+            "unit": {"enum": [*self.units]},
+            "source": {"type": "string"},
+        }
+        words = {"unit": " or ".join(self.units), "range": self.range}
+        return {"type": "object", "properties": properties, "required": [*properties], **words}
+
 
 def _value_and_unit(entry: object, check: Check) -> tuple[float, str]:
     if not isinstance(entry, dict):
@@ -107,35 +122,31 @@ def _value_and_unit(entry: object, check: Check) -> tuple[float, str]:
     return float(value), unit
 
 
-def _any(dimension: str) -> BeforeValidator:
-    return BeforeValidator(Check(dimension))
+def _positive(dimension: str, maximum: float | None = None) -> Check:
+    return Check(dimension, 0.0, exclusive=True, maximum=maximum)
 
 
-def _positive(dimension: str, maximum: float | None = None) -> BeforeValidator:
-    return BeforeValidator(Check(dimension, 0.0, exclusive=True, maximum=maximum))
+def _not_negative(dimension: str, maximum: float | None = None) -> Check:
+    return Check(dimension, 0.0, maximum=maximum)
 
 
-def _not_negative(dimension: str, maximum: float | None = None) -> BeforeValidator:
-    return BeforeValidator(Check(dimension, 0.0, maximum=maximum))
-
-
-Number = Annotated[float, _any("number")]
+Number = Annotated[float, Check("number")]
 PositiveNumber = Annotated[float, _positive("number")]
 NotNegativeNumber = Annotated[float, _not_negative("number")]
 Fraction = Annotated[float, _not_negative("number", maximum=1.0)]
-Length = Annotated[float, _any("length")]
+Length = Annotated[float, Check("length")]
 PositiveLength = Annotated[float, _positive("length")]
 PositiveArea = Annotated[float, _positive("area")]
 PositiveVolume = Annotated[float, _positive("volume")]
-Mass = Annotated[float, _any("mass")]
+Mass = Annotated[float, Check("mass")]
 PositiveMass = Annotated[float, _positive("mass")]
-AddedMassMoment = Annotated[float, _any("added mass moment")]
-Inertia = Annotated[float, _any("inertia")]
+AddedMassMoment = Annotated[float, Check("added mass moment")]
+Inertia = Annotated[float, Check("inertia")]
 PositiveInertia = Annotated[float, _positive("inertia")]
 PositiveDensity = Annotated[float, _positive("density")]
 QuadraticDrag = Annotated[float, _not_negative("quadratic drag")]
 RotaryDrag = Annotated[float, _not_negative("quadratic rotary drag")]
-Angle = Annotated[float, _any("angle")]
+Angle = Annotated[float, Check("angle")]
 PositiveAngle = Annotated[float, _positive("angle", maximum=math.pi)]
 PositiveAngularRate = Annotated[float, _positive("angular rate")]
 PositiveSlope = Annotated[float, _positive("slope per angle")]
