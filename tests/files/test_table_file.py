@@ -12,8 +12,8 @@ from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_regular, read_parquet, read_table_file
 from bottomlock.io.beams import Columns, times_as_they_stand
 from bottomlock.io.columns import column_numbers
+from bottomlock.recordings.stream_sections import Clock
 from bottomlock.replay.read_tables import column_stamps
-from bottomlock.replay.stream_sections import Clock
 
 FRAME = pl.DataFrame(
     {"time_ns": range(200), "x": [0.1 * k if k % 7 else None for k in range(200)], "word": ["a", "b"] * 100}

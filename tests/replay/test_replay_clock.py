@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
+from bottomlock.recordings.stream_sections import Clock
 from bottomlock.replay.clock import row_times
-from bottomlock.replay.stream_sections import Clock
 
 S = 1_000_000_000
 

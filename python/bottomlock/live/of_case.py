@@ -4,21 +4,34 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bottomlock.config.imu import ImuLimits
-from bottomlock.config.toml_file import parse_toml, read_text
-from bottomlock.errors import ScenarioError
-from bottomlock.recordings.sensors import SENSORS
+from pydantic import BaseModel
 
-_OF_FILES = {
-    "file", "clock", "every", "source", "column", "unit", "up", "valid", "interval", "geometry_known", "aids", "sd",
-    "heading_known", "force", "omega", "force_unit", "omega_unit", "velocity", "velocity_unit", "velocity_scale",
-    "angle_unit", "roll", "pitch", "yaw", "latitude", "longitude", "height", "north", "east", "down",
-}  # fmt: skip
-"""Keys of a case that say how a table is read, which live sources are not."""
+from bottomlock.config.dvl_errors import DvlSettings
+from bottomlock.config.imu import ImuLimits
+from bottomlock.config.key_reference import section_models
+from bottomlock.config.toml_file import parse_toml, read_text
+from bottomlock.config.validation import checked
+from bottomlock.config.water_cells import WaterCells
+from bottomlock.errors import ScenarioError
+from bottomlock.live.sections import AidingSections, ImuFromAttitude, ImuSection
+from bottomlock.recordings.dvl_sections import DvlStream, WaterTrackStream
+from bottomlock.recordings.stream_sections import ImuFromAttitude as AttitudeInertial
+from bottomlock.recordings.stream_sections import ImuStream, SensorStreams
+
+_TABLES: dict[str, tuple[type[BaseModel], type[BaseModel]]] = {
+    "dvl": (DvlStream, DvlSettings),
+    "water_track": (WaterTrackStream, WaterCells),
+    **{
+        key: (
+            section_models(field.annotation)[0],
+            section_models(AidingSections.model_fields[key].annotation)[0],
+        )
+        for key, field in SensorStreams.model_fields.items()
+    },
+}
+"""The sections of a case that have a table, and those of a live configuration that have sources."""
 _START = ("level_sd_deg", "heading_sd_deg", "position_sd_m", "velocity_sd_mps")
 """Keys of [start] that are what the filter assumes; the others are of the dive."""
-_INCREMENTS = {"m/s", "rad", "deg"}
-"""Units of inertial readings that are means over their interval."""
 
 
 def with_case(content: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -33,7 +46,7 @@ def with_case(content: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """
     if not path.is_file():
         raise ScenarioError("no such case file", place=path)
-    sections = _sections(parse_toml(read_text(path), place=str(path), kind="replay case"), path.parent)
+    sections = _sections(parse_toml(read_text(path), place=str(path), kind="replay case"), path)
     if content.get("mode") == "velocity":
         sections = {"dvl": sections["dvl"]} if "dvl" in sections else {}
     start = sections.pop("start", {})
@@ -50,44 +63,42 @@ def with_case(content: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return merged
 
 
-def _sections(case: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    found = {
-        key: {name: value for name, value in case[key].items() if _is_kept(key, name)}
-        for key in ("dvl", "origin", *(sensor.name for sensor in SENSORS), "filter", "robust", "calibration")
-        if isinstance(case.get(key), dict)
-    }
+def _sections(case: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    named = (*_TABLES, "origin", "filter", "robust", "calibration")
+    found = {key: dict(case[key]) for key in named if isinstance(case.get(key), dict)}
+    for key in found.keys() & _TABLES.keys():
+        found[key] = _without_table(found[key], *_TABLES[key])
     if case.get("gps", {}).get("aids") is False:
         del found["gps"]
     geometry = found.get("dvl", {}).get("geometry")
     if isinstance(geometry, str) and geometry.endswith(".toml"):
-        found["dvl"]["geometry"] = str(folder / geometry)
+        found["dvl"]["geometry"] = str(path.parent / geometry)
     if isinstance(case.get("imu"), dict):
-        found["imu"] = _imu(case["imu"])
+        found["imu"] = _imu(case["imu"], f"{path}: imu")
     if isinstance(case.get("start"), dict):
         found["start"] = {key: case["start"][key] for key in _START if key in case["start"]}
     return found
 
 
-def _is_kept(section: str, key: str) -> bool:
-    """Whether a key is one of the filter's; `aids` of an attitude is, and the axes of a velocity are not."""
-    if key == "aids":
-        return section == "attitude"
-    return key not in _OF_FILES and not (section == "dvl" and key == "axes")
+def _without_table(
+    section: Mapping[str, Any], table: type[BaseModel], live: type[BaseModel]
+) -> dict[str, Any]:
+    """A section without the keys that say how a table is read; the offset of a depth is more, and not of live."""
+    of_table = table.model_fields.keys() - live.model_fields.keys() - {"offset_m"}
+    return {key: value for key, value in section.items() if key not in of_table}
 
 
-def _imu(section: Mapping[str, Any]) -> dict[str, Any]:
+def _imu(section: Mapping[str, Any], place: str) -> dict[str, Any]:
     """[imu] with the keys of its errors beside the others.
 
     `bridge_gaps_s` becomes the least `limits.max_gap_s`; `limits.gap` is left out, since live use bridges every gap.
     """
-    kept = {
-        key: value for key, value in section.items() if key not in _OF_FILES | {"errors", "bridge_gaps_s"}
-    }
-    kept |= section.get("errors", {})
     if section.get("source") == "attitude":
-        kept["source"] = "attitude"
-    elif "sampling" not in kept and _INCREMENTS & {section.get("force_unit"), section.get("omega_unit")}:
-        kept["sampling"] = "averaged"
+        kept = _without_table(section, AttitudeInertial, ImuFromAttitude)
+    else:
+        kept = _without_table(section, ImuStream, ImuSection)
+        kept |= {"sampling": "averaged"} if checked(ImuStream, section, place).averaged else {}
+    kept |= section.get("errors", {})
     limits = {key: value for key, value in section.get("limits", {}).items() if key != "gap"}
     if "bridge_gaps_s" in section:
         limits["max_gap_s"] = max(limits.get("max_gap_s", ImuLimits().max_gap_s), section["bridge_gaps_s"])

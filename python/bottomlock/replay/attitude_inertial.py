@@ -7,11 +7,11 @@ import numpy as np
 from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.recordings.attitude_motion import divided, held, inertial_readings
+from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Attitudes, Beams, Flags, Floats, Inertial, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.motion.pings import ping_velocity
-from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.vehicle_motion import vehicle_motion
 

@@ -21,8 +21,8 @@ from bottomlock.io.beam_table import water_file
 from bottomlock.kernel import METHODS
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.dvl_sections import DvlStream, WaterTrackStream, WhatIf
-from bottomlock.replay.stream_sections import (
+from bottomlock.recordings.dvl_sections import DvlStream, WaterTrackStream
+from bottomlock.recordings.stream_sections import (
     ImuFromAttitude,
     ImuStream,
     MagnetometerStream,
@@ -31,6 +31,7 @@ from bottomlock.replay.stream_sections import (
     Stream,
     kind_of_imu,
 )
+from bottomlock.replay.what_if import WhatIf
 
 FROM_REFERENCE = "reference"
 

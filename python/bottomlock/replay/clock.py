@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.replay.stream_sections import Clock
+from bottomlock.recordings.stream_sections import Clock
 
 MEDIANS_OF_A_GAP = 3.0
 """A step longer than this many median steps is a gap, unless the case sets `gap_s`."""

@@ -9,8 +9,8 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
 from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.recordings.sensors import SENSORS
+from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.replay.case import Case
-from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams, VehicleMotion
 
 UNKNOWN_RAD = float(np.deg2rad(60.0))

@@ -13,11 +13,11 @@ from bottomlock.errors import DataError
 from bottomlock.io.beams import Instrument
 from bottomlock.recordings.readings import ImuReading, Ping, Reading
 from bottomlock.recordings.sensors import GPS, SENSORS
+from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Beams, Times
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 
 CASE = ".toml"

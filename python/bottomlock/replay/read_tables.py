@@ -21,12 +21,12 @@ from bottomlock.io.columns import (
     numbers_of_text,
     read_rows,
 )
+from bottomlock.recordings.dvl_sections import DvlStream
+from bottomlock.recordings.stream_sections import Clock, Stream
 from bottomlock.recordings.streams import Floats, Times, WaterBeams
 from bottomlock.recordings.water_cells import CellCounts, check_cells, water_beams
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, Fault, TimedRows, row_times
-from bottomlock.replay.dvl_sections import DvlStream
-from bottomlock.replay.stream_sections import Clock, Stream
 
 
 def read_water(

@@ -18,6 +18,14 @@ from bottomlock.recordings.axes import (
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.readings import LOST_SD_MPS
 from bottomlock.recordings.rotation import permute_axes
+from bottomlock.recordings.stream_sections import (
+    ImuFromAttitude,
+    ImuStream,
+    MagnetometerStream,
+    PositionStream,
+    ReferenceStream,
+    SensorStream,
+)
 from bottomlock.recordings.streams import (
     Beams,
     Flags,
@@ -33,15 +41,7 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import read_stream, read_water
 from bottomlock.replay.screen_aiding import screened
-from bottomlock.replay.stream_sections import (
-    ANGLE_SI,
-    ImuFromAttitude,
-    ImuStream,
-    MagnetometerStream,
-    PositionStream,
-    ReferenceStream,
-    SensorStream,
-)
+from bottomlock.replay.sensor_values import ANGLE_SI, stream_of
 from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -91,7 +91,7 @@ def read_streams(case: Case) -> Streams:
         if isinstance(section := getattr(case, key), SensorStream):
             values, timed, _ = read_stream(section, section.columns)
             clocks[key] = timed.report
-            aiding[key] = section.stream(timed.time_ns, values)
+            aiding[key] = stream_of(section, timed.time_ns, values)
     if isinstance(case.imu, ImuFromAttitude):
         inertial = inertial_of(case.imu, aiding["attitude"], clocks["attitude"], float(latitude), notes)
     assert inertial is not None  # read above, or made of the attitude

@@ -21,13 +21,13 @@ from bottomlock.dead_reckoning.track import (
 from bottomlock.kernel import STATUS, integrate_segments
 from bottomlock.kernel.models import DvlModel
 from bottomlock.recordings.axes import quaternions
+from bottomlock.recordings.stream_sections import AttitudeStream, ImuStream
 from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.robust_fix import solve_scaled
 from bottomlock.replay.screen_beams import screen_beams
-from bottomlock.replay.stream_sections import AttitudeStream, ImuStream
 
 HOLE_S, CARRIED_S = 5.0, 0.2
 """Gap between attitudes that the gyros bridge, and the interval of what they make of it."""

@@ -24,7 +24,6 @@ from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.compare import currents_table, fix_words
-from bottomlock.replay.dvl_sections import WhatIf
 from bottomlock.replay.findings.answers import answers
 from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
@@ -33,6 +32,7 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.what_if import WhatIf
 from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import RECORDED, ReplayTables
 from bottomlock.tables.versions import library_versions

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Floats, integrals
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import SLOPE_S, Turns, turns_of
 from bottomlock.replay.rerun import PreparedRun
-from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.tables.replay import FORWARD
 
 LEVEL_S = 10.0

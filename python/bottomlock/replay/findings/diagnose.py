@@ -11,6 +11,7 @@ from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import Case
@@ -37,7 +38,6 @@ from bottomlock.replay.findings.verdict import (
 from bottomlock.replay.motion.pings import LEAST_PINGS, ping_velocity
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
-from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.statistics.replay import track_table
 from bottomlock.tables.replay import FORWARD
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from bottomlock import units
 from bottomlock.config.section import Section
+from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model
-from bottomlock.replay.stream_sections import ImuFromAttitude
 from bottomlock.replay.streams import Streams
 
 PRIOR_SD = float(np.log(10.0))

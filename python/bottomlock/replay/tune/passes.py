@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from bottomlock.kernel import BeamGeometry, replay_log
 from bottomlock.kernel.models import InitialState, Model, Options, Robust
+from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay import rerun
 from bottomlock.replay.beforehand import check_files
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model, kernel_model, kernel_options
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.stream_sections import ImuStream
 from bottomlock.replay.tune.parameters import (
     BEAM_NOISE,
     WATER_NOISE,

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
@@ -11,19 +10,9 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
 from bottomlock.config.section import Mounting, Section, Vector, shown
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
-from bottomlock.errors import DataError
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
-from bottomlock.recordings.streams import Attitudes, Depths, Floats, Forces, Revolutions, Times
-from bottomlock.units import STANDARD_GRAVITY_MPS2
 
-ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
-LENGTH_SI = {"m": 1.0, "cm": 1e-2}
-REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
-PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
-FASTEST_MPS = 20.0
-"""Median speed by the propeller beyond which unit or advance are wrong."""
 ColumnTriple = tuple[str, str, str]
 
 ANGLE_UNITS = ("rad", "deg")
@@ -87,14 +76,6 @@ class SensorStream(Stream):
         """Names of the columns."""
         named = [getattr(self, key) for key in self.column_keys]
         return tuple(named[0]) if isinstance(named[0], tuple) else tuple(named)
-
-    def stream(self, time_ns: Times, values: Floats) -> Any:  # noqa: ANN401 - of `recordings.streams`
-        """The stream in SI, of the columns (n, k).
-
-        Raises:
-            DataError: for values that cannot be.
-        """
-        raise NotImplementedError
 
 
 class ReorderedStream(Stream):
@@ -207,16 +188,6 @@ class DepthStream(DepthErrors, SensorStream):
     water_density_kg_per_m3: Positive = 1025.0
     """density, for pressures"""
 
-    def stream(self, time_ns: Times, values: Floats) -> Depths:
-        """The stream in SI, of the columns (n, k)."""
-        if self.unit in LENGTH_SI:
-            metres = values[:, 0] * LENGTH_SI[self.unit]
-        else:
-            metres = (
-                values[:, 0] * PRESSURE_SI[self.unit] / (self.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
-            )
-        return Depths(time_ns, (-metres if self.up else metres) + self.offset_m)
-
 
 class ThrustStream(ThrustErrors, SensorStream):
     """Revolutions of the propeller, the speed through the water (docs/howto/thrust.md): column, unit, and errors.
@@ -229,29 +200,6 @@ class ThrustStream(ThrustErrors, SensorStream):
     unit: Literal["rpm", "Hz", "rad/s"]
     """unit of the column"""
 
-    def stream(self, time_ns: Times, values: Floats) -> Revolutions:
-        """The stream in SI, of the columns (n, k)."""
-        revolutions_hz = values[:, 0] * REVOLUTIONS_SI[self.unit]
-        if not revolutions_hz.any():
-            raise DataError(
-                "is 0 in every row",
-                place=self.file,
-                key=f"column '{self.column}'",
-                expected="revolutions",
-                hint="leave [thrust] out",
-            )
-        speed_mps = self.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
-        if speed_mps > FASTEST_MPS:
-            raise DataError(
-                (
-                    f"column '{self.column}' in {self.unit} and thrust.advance_m = "
-                    f"{self.advance_m:g} m are {speed_mps:.3g} m/s in the median"
-                ),
-                place=self.file,
-                expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
-            )
-        return Revolutions(time_ns, revolutions_hz)
-
 
 class EffortStream(EffortErrors, SensorStream):
     """Forces of the thrusters, the speed through the water by drag (docs/howto/thrust.md): columns, mass, drag, errors.
@@ -263,30 +211,6 @@ class EffortStream(EffortErrors, SensorStream):
     column_keys: ClassVar = ("force",)
     force: Annotated[ColumnTriple, shown(example=["x", "y", "z"])]
     """columns of the forces along surge, sway and heave, N, positive forward, starboard and down"""
-
-    def stream(self, time_ns: Times, values: Floats) -> Forces:
-        """The stream in SI, of the columns (n, k)."""
-        if not values.any():
-            raise DataError(
-                f"columns {', '.join(self.force)} are 0 in every row",
-                place=self.file,
-                expected="forces",
-                hint="leave [effort] out",
-            )
-        linear, quadratic = np.array(self.linear_drag_kg_per_s), np.array(self.quadratic_drag_kg_per_m)
-        force_n = np.median(np.abs(values), axis=0)
-        for axis, name in enumerate(self.force):
-            drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
-            if 0.0 < drag < force_n[axis]:
-                raise DataError(
-                    (
-                        f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
-                        f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
-                    ),
-                    place=self.file,
-                    key=f"column '{name}'",
-                )
-        return Forces(time_ns, values)
 
 
 class AttitudeStream(AttitudeReference, SensorStream):
@@ -303,12 +227,6 @@ class AttitudeStream(AttitudeReference, SensorStream):
     """unit of the angles"""
     heading_known: bool = True
     """false: the yaw may be magnetic or true; without a reference a replay is then trusted in part at most"""
-
-    def stream(self, time_ns: Times, values: Floats) -> Attitudes:
-        """The stream in SI, of the columns (n, k)."""
-        sensor = from_angles(*(values * ANGLE_SI[self.unit]).T)
-        offset = float(np.deg2rad(self.yaw_offset_deg))
-        return Attitudes(time_ns, platform_attitude(sensor, self.frame, self.mounting_rpy_rad, offset))
 
 
 class MagnetometerStream(MountedStream):

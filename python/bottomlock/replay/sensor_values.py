@@ -1,0 +1,105 @@
+"""Readings of a case's sensors in SI, out of the columns of their tables."""
+
+from functools import singledispatch
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.recordings.axes import from_angles, platform_attitude
+from bottomlock.recordings.stream_sections import (
+    AttitudeStream,
+    DepthStream,
+    EffortStream,
+    SensorStream,
+    ThrustStream,
+)
+from bottomlock.recordings.streams import Attitudes, Depths, Floats, Forces, Revolutions, Times
+from bottomlock.units import STANDARD_GRAVITY_MPS2
+
+ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
+LENGTH_SI = {"m": 1.0, "cm": 1e-2}
+REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
+PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
+FASTEST_MPS = 20.0
+"""Median speed by the propeller beyond which unit or advance are wrong."""
+
+
+@singledispatch
+def stream_of(
+    section: SensorStream, time_ns: Times, values: Floats
+) -> Depths | Revolutions | Forces | Attitudes:
+    """The readings of a sensor in SI, of the columns (n, k) of its table.
+
+    Raises:
+        DataError: for values that cannot be.
+    """
+    raise NotImplementedError(type(section).__name__)
+
+
+@stream_of.register
+def _(section: DepthStream, time_ns: Times, values: Floats) -> Depths:
+    if section.unit in LENGTH_SI:
+        metres = values[:, 0] * LENGTH_SI[section.unit]
+    else:
+        metres = (
+            values[:, 0]
+            * PRESSURE_SI[section.unit]
+            / (section.water_density_kg_per_m3 * STANDARD_GRAVITY_MPS2)
+        )
+    return Depths(time_ns, (-metres if section.up else metres) + section.offset_m)
+
+
+@stream_of.register
+def _(section: ThrustStream, time_ns: Times, values: Floats) -> Revolutions:
+    revolutions_hz = values[:, 0] * REVOLUTIONS_SI[section.unit]
+    if not revolutions_hz.any():
+        raise DataError(
+            "is 0 in every row",
+            place=section.file,
+            key=f"column '{section.column}'",
+            expected="revolutions",
+            hint="leave [thrust] out",
+        )
+    speed_mps = section.advance_m * float(np.median(np.abs(revolutions_hz[revolutions_hz != 0.0])))
+    if speed_mps > FASTEST_MPS:
+        raise DataError(
+            (
+                f"column '{section.column}' in {section.unit} and thrust.advance_m = "
+                f"{section.advance_m:g} m are {speed_mps:.3g} m/s in the median"
+            ),
+            place=section.file,
+            expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
+        )
+    return Revolutions(time_ns, revolutions_hz)
+
+
+@stream_of.register
+def _(section: EffortStream, time_ns: Times, values: Floats) -> Forces:
+    if not values.any():
+        raise DataError(
+            f"columns {', '.join(section.force)} are 0 in every row",
+            place=section.file,
+            expected="forces",
+            hint="leave [effort] out",
+        )
+    linear, quadratic = np.array(section.linear_drag_kg_per_s), np.array(section.quadratic_drag_kg_per_m)
+    force_n = np.median(np.abs(values), axis=0)
+    for axis, name in enumerate(section.force):
+        drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
+        if 0.0 < drag < force_n[axis]:
+            raise DataError(
+                (
+                    f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
+                    f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
+                ),
+                place=section.file,
+                key=f"column '{name}'",
+            )
+    return Forces(time_ns, values)
+
+
+@stream_of.register
+def _(section: AttitudeStream, time_ns: Times, values: Floats) -> Attitudes:
+    sensor = from_angles(*(values * ANGLE_SI[section.unit]).T)
+    offset = float(np.deg2rad(section.yaw_offset_deg))
+    return Attitudes(time_ns, platform_attitude(sensor, section.frame, section.mounting_rpy_rad, offset))
