@@ -1,7 +1,5 @@
 """The packaged scenarios on analytic truths: exact motions for tests that need a known one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from bottomlock.config.scenario import Scenario, load_scenario

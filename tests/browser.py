@@ -5,8 +5,6 @@ For tests, which skip where there is no Chromium; by hand, pictures to look at:
     python -m tests.browser out/report.html /tmp/shots
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import os

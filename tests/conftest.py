@@ -1,7 +1,5 @@
 """What every test shares: hypothesis profiles, one thread per test process, the place of the recordings."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Generator, Iterator

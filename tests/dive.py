@@ -4,8 +4,6 @@
 the files that a user would have. `given` are its readings, one at a time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 

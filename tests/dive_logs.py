@@ -1,7 +1,5 @@
 """The files of a dive: a case, tables as CSV, makers' formats, files as people have them, bags of ROS 2."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulated readings as the arrays of a log that `replay_log` takes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

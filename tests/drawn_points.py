@@ -1,7 +1,5 @@
 """The points that a figure draws, and how many of them are in a table."""
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes

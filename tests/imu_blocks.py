@@ -1,7 +1,5 @@
 """The inertial readings of a run, pushed to a navigator in blocks between the measurements of another sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

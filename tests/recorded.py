@@ -1,7 +1,5 @@
 """Records stated again: for tests that change files on purpose and want the change to be believed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Messages of ROS as drivers send them, made by the library rosbags, and bags of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path

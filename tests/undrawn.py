@@ -1,7 +1,5 @@
 """Campaigns and reports without the time that drawing takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO, StringIO

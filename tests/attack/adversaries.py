@@ -1,7 +1,5 @@
 """Inputs of about a megabyte that cost a careless reader hours: false starts, overlapping lengths, endless lines."""
 
-from __future__ import annotations
-
 import struct
 
 from bottomlock.encoders import framing

@@ -1,7 +1,5 @@
 """Objects that keep a state, under attack: a Navigator through random pushes, a ClosedLoop through its segments."""
 
-from __future__ import annotations
-
 import math
 from random import Random
 from typing import Any

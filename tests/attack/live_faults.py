@@ -4,8 +4,6 @@ A case is a run of 9 s with beams lost and returning, and some of the faults bel
 engine is given the bytes and their times of arrival, as it is on a host, without waiting for the time to pass.
 """
 
-from __future__ import annotations
-
 import functools
 import random
 from collections.abc import Callable, Sequence

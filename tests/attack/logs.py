@@ -1,7 +1,5 @@
 """Logs of several pings in every format, where every number names its ping: no two pings share one."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Callable, Sequence

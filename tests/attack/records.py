@@ -3,8 +3,6 @@
 Whole records are damaged (bits, length; cut, dropped, repeated), where `tools/fuzz_readers.py` changes any bytes.
 """
 
-from __future__ import annotations
-
 import functools
 import random
 import struct

@@ -1,7 +1,5 @@
 """The kernel's functions under attack: valid arguments of each, drawn, then spoilt; and what its result must be."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from random import Random

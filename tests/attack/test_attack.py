@@ -1,7 +1,5 @@
 """Random calls of the kernel; a case is made again, and printed, by `run_case(SEED, case, Trial(print))`."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

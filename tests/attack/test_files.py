@@ -1,7 +1,5 @@
 """Single bits of the files of a replay are flipped: an error of one line, or the same tables."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import random

@@ -1,7 +1,5 @@
 """An event loop whose time is that of its timers, and what a process holds: for `tools/live_soak.py`."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import ctypes

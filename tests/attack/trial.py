@@ -1,7 +1,5 @@
 """One case of random calls: what was called, what it gave, and what may not be."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any

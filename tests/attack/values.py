@@ -3,8 +3,6 @@
 Every choice comes from the generator given, so that a case is made again from its seed.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 import warnings

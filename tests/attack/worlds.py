@@ -1,7 +1,5 @@
 """Valid arguments of the kernel's functions, small enough that a call takes well under a millisecond."""
 
-from __future__ import annotations
-
 import functools
 from random import Random
 from typing import Any

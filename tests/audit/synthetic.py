@@ -1,7 +1,5 @@
 """Logs with a known geometry and planted faults; nothing here imports the audit's own mathematics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A log to look into: the curves are those of the audit, and a log whose times go back keeps its figures alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A DVL's file with a calibration: what is written is read back, and all else stays."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Defects that need no geometry, one by one, on logs small enough to count by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

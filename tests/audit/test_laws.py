@@ -1,7 +1,5 @@
 """The pieces of an audit against answers worked by hand, by minors, and against laws that hold for any instrument."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

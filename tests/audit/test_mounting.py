@@ -1,7 +1,5 @@
 """How a DVL sits: what was planted is found within its own standard deviations, and what cannot be seen is said."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A wrong packaged geometry leads to the right one, and a right one to nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

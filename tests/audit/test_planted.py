@@ -1,7 +1,5 @@
 """Whatever is planted in a log is found, and nothing else; what cannot be seen is not claimed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A mounting and a lever arm that the geometry states are no findings; others than stated are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

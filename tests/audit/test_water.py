@@ -1,7 +1,5 @@
 """Water against the bottom: the current, its scatter and drift by planted ones; signs and scales told apart."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

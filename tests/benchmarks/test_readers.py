@@ -1,7 +1,5 @@
 """Readers are linear: twice the bytes cost about twice the time, and not more."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 

@@ -1,7 +1,5 @@
 """The C library, built and installed once for each test process, on the kernel that the wheel is made of."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

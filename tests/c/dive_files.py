@@ -1,7 +1,5 @@
 """The shipped dive as files for `crates/bottomlock-c/tests/dive.c`: a saved navigator and its events."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

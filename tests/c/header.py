@@ -1,7 +1,5 @@
 """The C header read for ctypes: structures, constants, functions with their types. A test calls what C calls."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from pathlib import Path

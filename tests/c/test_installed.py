@@ -1,7 +1,5 @@
 """An installed prefix as its users find it, from an empty folder: pkg-config, CMake, C, C++, ctypes; sanitizers."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

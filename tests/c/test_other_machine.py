@@ -5,8 +5,6 @@ it (`rustup target add aarch64-unknown-linux-gnu`, or Debian: libstd-rust-dev:ar
 without.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What Python pushes and what C pushes ends in the same bits: reports, estimate, covariance, all that is saved."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import threading

@@ -1,7 +1,5 @@
 """Dead reckoning in a campaign: on the filters' own readings, as far off as it claims, null what it has not."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command `bottomlock`: called in this process, or as a process of its own where the process is what is tested."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

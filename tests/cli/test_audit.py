@@ -1,7 +1,5 @@
 """The command `bottomlock audit`: what it writes, what it says, and how it rejects."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """What every command shares: short options, quiet and verbose, JSON, examples, completion, exit codes, no colours."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The simulated dive that ships: its files are what the script makes, and its case and that of `--init` run."""
 
-from __future__ import annotations
-
 import hashlib
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A file that the memory cannot hold ends with one line before it is read: no traceback, no abort."""
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

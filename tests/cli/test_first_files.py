@@ -1,7 +1,5 @@
 """`replay --init`, `convert --init` and `geometries` on the logs that ship, and the mistakes of a first user."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

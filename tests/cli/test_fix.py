@@ -1,7 +1,5 @@
 """`bottomlock fix` with and without measured noise and screened beams, and what it says where neither is possible."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

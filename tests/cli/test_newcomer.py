@@ -1,7 +1,5 @@
 """The mistakes of a first hour: a table of one's own, a method of the wrong kind, a terminal that is too narrow."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import polars as pl

@@ -1,7 +1,5 @@
 """What a command writes over: nothing unasked, nothing that it reads, and with --force what is of ours alone."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Logs given where tables are expected, logs without a valid beam, pipes and devices: one line each, and no hang."""
 
-from __future__ import annotations
-
 import math
 import os
 import tomllib

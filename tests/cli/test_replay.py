@@ -1,7 +1,5 @@
 """`bottomlock replay` as a new user runs it: the worked example, and a directory of something else."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

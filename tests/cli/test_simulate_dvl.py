@@ -1,7 +1,5 @@
 """The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

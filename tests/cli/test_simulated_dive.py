@@ -1,7 +1,5 @@
 """What `bottomlock fly --sensors` writes is what `audit`, `fix` and `replay` read."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`bottomlock tune`: a case with wrong noise becomes one with the noise of its recording, key by key."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

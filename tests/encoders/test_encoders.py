@@ -1,7 +1,5 @@
 """The encoders against what makers document: examples, layouts, marks; and what they reject."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

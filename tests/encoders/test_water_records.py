@@ -1,7 +1,5 @@
 """The water in the records of the encoders, read back: its numbers within the record's steps, and what they reject."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exports of the raw logs of `bottomlock live`: against what the ports sent at that time, and by other programs."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

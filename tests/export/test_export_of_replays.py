@@ -1,7 +1,5 @@
 """Exports of a replay, read back by the standard library and by the libraries of other programs."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Figures within a page: in the page's colours, with ids of their own."""
 
-from __future__ import annotations
-
 import re
 from xml.etree import ElementTree as ET
 

@@ -1,7 +1,5 @@
 """Thinning loses no extreme, and a map's frame holds its tracks."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Who holds an output directory, and what is removed from it."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Tables of a user: damaged Parquet, a library that panics, numbers beyond the type: one line, naming the file."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

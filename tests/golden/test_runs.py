@@ -1,7 +1,5 @@
 """The numbers of a small campaign stay where they are unless somebody moves them on purpose."""
 
-from __future__ import annotations
-
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal

@@ -1,7 +1,5 @@
 """Simulated instruments: readings of a run, times of a ping, faults, and what arrives through sockets and terminals."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

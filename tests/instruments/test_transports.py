@@ -1,7 +1,5 @@
 """What a simulated instrument sends through sockets and terminals arrives, byte for byte."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

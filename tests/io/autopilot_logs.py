@@ -1,7 +1,5 @@
 """Logs of an ArduPilot vehicle, by the definitions of ArduPilot (.BIN) and by pymavlink (.tlog); a dive in both."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Small bags with Dvl messages, written by the library itself."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Readers of binary records: layouts by hand, checksums, damaged files, signs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

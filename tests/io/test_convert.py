@@ -1,7 +1,5 @@
 """The command `bottomlock convert`: what it writes, what it says, and how it rejects."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re

@@ -1,7 +1,5 @@
 """DataFlash logs: every number as pymavlink reads it, units as the log states them, an account of what is damaged."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import struct

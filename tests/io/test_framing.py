@@ -1,7 +1,5 @@
 """Byte streams cut into pings: any pieces give the same pings, and they are those of the reader of files."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The logs that ship with the project: unchanged, read whole, and their signs against GPS."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import struct

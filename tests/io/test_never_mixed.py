@@ -1,7 +1,5 @@
 """Damaged or dropped records: a ping is as it was, or marked incomplete; no ping holds numbers of two."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

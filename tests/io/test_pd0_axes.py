@@ -1,7 +1,5 @@
 """Beams recovered from a Teledyne's axes, against its printed transformation, and in recordings."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Recordings that may not be republished: read whole, counted as described, signs as found there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

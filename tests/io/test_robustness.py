@@ -1,7 +1,5 @@
 """Readers under damage: a table that keeps its promises or an error of one line, quickly, whatever the bytes."""
 
-from __future__ import annotations
-
 import itertools
 import time
 

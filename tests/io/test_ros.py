@@ -1,7 +1,5 @@
 """Bags with Dvl messages: ROS 1, ROS 2 and MCAP give one table; a damaged bag ends in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

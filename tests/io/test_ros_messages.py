@@ -1,7 +1,5 @@
 """Messages of ROS 2 read without ROS: as rosbags reads them, whatever stands in them, and damaged ones refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bags of Water Linked's drivers give the pings of the instrument's own JSON."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Readers of text records: documented examples, what is lost is counted with its line, nothing is made up."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Telemetry logs: both versions of MAVLink, signed or not, one clock for each sender, an account of what is damaged."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 from pathlib import Path

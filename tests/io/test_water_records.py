@@ -1,7 +1,5 @@
 """Readers of what the water returned: layouts by hand, signs and literal readings of recordings, live and recorded."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The water table: written and read back, and each fault named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ An averaged reading belongs to its own step: with that of the step before at its
 parts in a thousand.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of thrusters in a navigator and a log: the literal equation, what they tell, refusals, bits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Normal gravity of the product against the symmetric form of Somigliana and a derived growth with depth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Innovations of a replay in arrays, and measurements that are predicted and not used."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A log of an IMU and one further sensor gives the bits of a navigator that is fed in order of time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The prior of the vehicle's motion in a navigator: when it acts, and what it bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A vehicle that hangs on end: what a compass and an attitude sensor may say there, and what they must not spoil."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

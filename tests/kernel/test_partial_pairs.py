@@ -1,7 +1,5 @@
 """Which pair of beams gives which component, method by method: errata E2 and E3, and what is said where nothing is."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

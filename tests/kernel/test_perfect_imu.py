@@ -1,7 +1,5 @@
 """A perfect IMU returns the truth: the product's strapdown against truths that the tests build themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

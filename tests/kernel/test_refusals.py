@@ -1,7 +1,5 @@
 """What the kernel refuses at its border: no number, no shape and no time is repaired; the message names the place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """When the covariance is inflated after consecutive rejections, and when not."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ By hand, level with the bow to the north: Ω/√2 = 5.156304e-5 rad/s forwards a
 north has it upwards. Half an hour with the wrong sign is 10 degrees of heading.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

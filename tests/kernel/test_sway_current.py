@@ -1,7 +1,5 @@
 """The settings and the streaming face of the method sway_current."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

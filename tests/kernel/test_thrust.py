@@ -1,7 +1,5 @@
 """Revolutions of the propeller in a navigator and a log: the literal equation, what they tell, refusals, bits."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Water track through the navigator and a replayed log: by hand, by the literal equation, refused where it is off."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must hold of the observability of any window: scales, directions, histories, refusals."""
 
-from __future__ import annotations
-
 import itertools
 from importlib import resources
 from pathlib import Path

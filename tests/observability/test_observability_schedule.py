@@ -1,7 +1,5 @@
 """Schedules of measurements: by hand, a scenario's own, and what they do to ranks and deviations."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable

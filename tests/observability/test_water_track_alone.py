@@ -3,8 +3,6 @@
 Covariances depend on no noise that is drawn. The bottom and the water return in turns for a minute, then the water.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """An acoustic position fix as its equations stand: z = p + R l + n, sd = sqrt(sd0^2 + (k |z - t|)^2) on each axis."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array, skew

@@ -3,8 +3,6 @@
 Platform frame, m/s, rad. Arrays of beams hold beam 1 in row 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array, skew

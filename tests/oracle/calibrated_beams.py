@@ -1,7 +1,5 @@
 """Readings of a DVL whose mounting and clock are off, literally: another rotation, and the motion at another time."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array, exp_rotation

@@ -1,7 +1,5 @@
 """Bands for average NEES and what a check with bands may cost in false alarms (Bar-Shalom et al. 2001, Sect. 5.4)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import stats
 

@@ -1,7 +1,5 @@
 """Closure of four beams, written out: signed minors instead of a decomposition."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array

@@ -4,8 +4,6 @@ The states are the 20 of the error state, then of surge, sway and heave each the
 slip s and the relative error of mass m, and the current, north and east.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

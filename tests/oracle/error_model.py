@@ -3,8 +3,6 @@
 The second derivation, which knows none of these blocks, is in `nonlinear_error.py`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array, skew

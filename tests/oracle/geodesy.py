@@ -1,7 +1,5 @@
 """WGS 84 by the book: geodetic to Earth-centred coordinates, and back by iteration; a tangent plane by its axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array

@@ -10,8 +10,6 @@ axes, which turn with the vehicle:
 integrated by Runge and Kutta's method of fourth order. No tangent frame, no quaternion, none of the package's geodesy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

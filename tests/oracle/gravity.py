@@ -5,8 +5,6 @@ attraction of the water left above. Poisson's equation, div g = −4πGρ + 2Ω�
 dg/dz = 2g/r − 4πGρ: 3.086e-6 less 8.6e-7, that is 2.2e-6 m/s² per metre. The kernel keeps 2.226e-6.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 GRAVITATIONAL_CONSTANT = 6.6743e-11

@@ -1,7 +1,5 @@
 """Updates with heavy-tailed noise as their papers write them: dense, in the space of the state, nothing exploited."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle import kalman

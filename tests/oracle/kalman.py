@@ -1,7 +1,5 @@
 """The Kalman filter as a textbook writes it: dense matrices, plain inverses, nothing exploited."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

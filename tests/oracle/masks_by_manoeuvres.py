@@ -1,7 +1,5 @@
 """Every mask of an instrument in every manoeuvre, judged over windows that are long enough to decide."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 ṙ = R v;  Ṙ = R [ω_tp×], ω_tp = ω_ip − Rᵀ ω_ie;  v̇ = f + Rᵀ g − (ω_ip + Rᵀ ω_ie) × v.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What a DVL reads that sits turned and away from the reference point; by matrices written out."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array

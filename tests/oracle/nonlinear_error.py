@@ -5,8 +5,6 @@ the same with the readings less the estimated biases. The error is defined by x 
 rate of change is differentiated at δx = 0 by an imaginary step of 1e-30, which has no cancellation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Errors are true minus estimate, R = Exp([ρ×]) R̂, and a bias error −δb_g i
 δω_tp = −δb_g − Rᵀ [ω_ie×] ρ; every row below is the derivative of its reading by these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 

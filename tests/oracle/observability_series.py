@@ -8,8 +8,6 @@ Numbers are either `fractions.Fraction` or integers modulo a prime of 61 bits: t
 rational one, and falls short only if the prime divides every largest minor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any

@@ -4,8 +4,6 @@
 errata E1-E6 and E13). A function without either suffix is right as printed. b[i, j] is the paper's b_{i+1,j+1}.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array

@@ -1,7 +1,5 @@
 """Teledyne PD0 read byte by byte, as the manual tells it: slow, and without our code."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -3,8 +3,6 @@
 Everything is analytic in its arguments (no absolute value, no conjugate), so a complex step passes through it.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tal et al. 2017, Eqs. 48 and 49: per axis the method that claims the least variance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array

@@ -5,8 +5,6 @@ reading at epoch k has the innovation z_k = H_k (e_k + c_k) + n_k, taken before 
 cube of the history.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

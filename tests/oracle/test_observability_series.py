@@ -1,7 +1,5 @@
 """The kernel's ranks against exact arithmetic, cell by cell."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

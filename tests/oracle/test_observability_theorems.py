@@ -1,7 +1,5 @@
 """Erratum E10 and E12 by symbols: directions that no length of window shows, and the sign of H."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy as sp

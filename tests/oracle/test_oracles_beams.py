@@ -1,7 +1,5 @@
 """The beam oracle on hand-worked cases, before anything is held against it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

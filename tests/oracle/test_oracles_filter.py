@@ -1,7 +1,5 @@
 """The textbook filter, its discretisation, the chi-squared bands and gravity, each on cases with a known answer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

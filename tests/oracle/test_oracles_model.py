@@ -1,7 +1,5 @@
 """F and G written by hand against two derivations that know none of their blocks; the mechanisation on solved cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The closed forms of Eqs. 23-49 against one generic weighted least squares, which knows none of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

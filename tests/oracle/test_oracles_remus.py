@@ -1,7 +1,5 @@
 """The REMUS 100 oracle on published figures and balances, and Prestero's hull by plain quadrature."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

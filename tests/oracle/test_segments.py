@@ -1,7 +1,5 @@
 """Inertial readings integrated over segments, against the trapezoidal rule written out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

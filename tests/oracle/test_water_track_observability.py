@@ -1,7 +1,5 @@
 """What water track leaves open: docs/observability.md, by symbols for any motion and by exact ranks for some."""
 
-from __future__ import annotations
-
 import itertools
 from fractions import Fraction
 from functools import cache

@@ -3,8 +3,6 @@
 The states are the 20 of the error state, advance a and slip s, and the current c, north and east.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.oracle.rotations import Array, skew

@@ -3,8 +3,6 @@
 Platform velocity is constant (surge alone); yaw and pitch are given functions of time with their derivatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -5,8 +5,6 @@ returned reads bᵀ(v − Rᵀc + ω × l)(1 + s) + bias; with u = v − Rᵀc i
 tilt through Rᵀ(ρ_h × c), ρ_h the horizontal part, and −Rᵀδc.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple

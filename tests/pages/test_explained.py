@@ -1,7 +1,5 @@
 """Each term is explained once, in the part in which it first stands."""
 
-from __future__ import annotations
-
 from bottomlock.pages.page import Folded, Page, Part, Table, Terms
 from bottomlock.pages.pieces import EXPLANATIONS, explained
 

@@ -1,7 +1,5 @@
 """What the page's script is given: every array, within its rounding, each once, and nothing that ends a script."""
 
-from __future__ import annotations
-
 import base64
 import json
 import zlib

@@ -1,7 +1,5 @@
 """The library is the one that it says it is; a page that has it keeps its licence and loads nothing."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """The paper's claims judged on campaigns made of whole cloth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

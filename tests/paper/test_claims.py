@@ -1,7 +1,5 @@
 """Verdicts follow from the tables: whoever changes the data changes the verdict."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Claims that are tested in two ways: a drift by its cause, an improvement by both formulas."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A vehicle that thrusters move in every direction: published numbers, laws, control, and faults of its file."""
 
-from __future__ import annotations
-
 import copy
 import math
 import tomllib

@@ -3,8 +3,6 @@
 Numbers are drawn as bounded floats and composed, so that a failing case shrinks to a plain one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

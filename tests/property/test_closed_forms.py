@@ -1,7 +1,5 @@
 """The product's partial-beam methods against the paper's closed forms for beams 1 and 2, to 1e-12."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bytes of the encoders read back by our readers: beams to the format's resolution, validity and time exactly."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The product's F and noise density against the dense oracle, at any attitude including the vertical."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """A stream with faults, read back: every row is a record that was sent, with its beams or fewer, never another's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The product's beams against Eqs. 13-16 under random instruments and motions."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

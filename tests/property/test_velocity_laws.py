@@ -1,7 +1,5 @@
 """Velocity from beams, the product against the oracle and against the symmetries that the physics has."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inertial readings made from attitudes: with them the kernel flies the attitudes, and a velocity that persists."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

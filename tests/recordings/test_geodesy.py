@@ -1,7 +1,5 @@
 """Geodetic coordinates to the tangent frame and back, against pymap3d, at every latitude and at depth."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

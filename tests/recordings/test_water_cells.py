@@ -1,7 +1,5 @@
 """Cells of a water profile: each rule by hand, the whole against a literal loop over pings, beams and cells."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

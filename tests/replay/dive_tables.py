@@ -1,7 +1,5 @@
 """Tables of a replay as long as wanted, made without a filter: a lawn mower, three methods, beams lost in between."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mistakes in a right case of a dive with known truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

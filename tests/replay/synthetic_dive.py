@@ -1,7 +1,5 @@
 """A dive whose truth is known, written out as a careless logger would: odd axes, units, clocks, methods and frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Acoustic position fixes in the kernel and in replay: the printed equations, gate, bits, cases, bad input."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any

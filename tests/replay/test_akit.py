@@ -1,7 +1,5 @@
 """The A-KIT sections: full velocity against the reference, INS alone, two beams, by limits written beforehand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Alignment: what each source of level and heading makes of a known vehicle, and what it rejects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Audits of real recordings: geometry against what is known, mounting against what was found by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

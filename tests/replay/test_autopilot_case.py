@@ -1,7 +1,5 @@
 """`replay --init` of an autopilot's logs: a case that runs, beside a DVL's log or from the velocities it was sent."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

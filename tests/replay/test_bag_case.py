@@ -1,7 +1,5 @@
 """`replay --init` of a bag: IMU, depth, fixes, poses and velocities by their topics, beams of a driver's messages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

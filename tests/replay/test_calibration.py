@@ -1,7 +1,5 @@
 """Mounting and clock as states of a replay: the case's keys, the tables, the DVL's file and back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

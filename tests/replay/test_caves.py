@@ -1,7 +1,5 @@
 """Recorded beams of a cave survey: the product's velocity against what the instrument itself computed."""
 
-from __future__ import annotations
-
 import csv
 from functools import lru_cache
 from pathlib import Path

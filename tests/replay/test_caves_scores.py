@@ -1,7 +1,5 @@
 """Beams left out of the caves' pings: least squares by the recording's own figures, and consistency."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

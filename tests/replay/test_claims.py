@@ -1,7 +1,5 @@
 """Errors against a reference beyond the claimed σ are a finding; errors that last are one value, however many rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 import pytest

@@ -1,7 +1,5 @@
 """Dead reckoning: the position of known motions, the sigma that it claims over ensembles, and its place in a replay."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

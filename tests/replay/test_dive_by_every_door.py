@@ -1,7 +1,5 @@
 """One dive of `tests/dive.py` by every door: its readings and its bags hold what was drawn."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The dive on a page in a real browser, from disk: hover, zoom, cursor, paper, no scripts, no requests, size."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a dive is looked at with: the map scaled to tracks that can be trusted, curves of the tables, beams lost."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of thrusters in a replay: what reaches the filter, how it fits, the section's keys."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

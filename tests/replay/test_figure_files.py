@@ -1,7 +1,5 @@
 """Below each figure of a replay's page are its files, and it draws the replay's tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import polars as pl

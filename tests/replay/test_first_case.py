@@ -1,7 +1,5 @@
 """`replay --init`: units, axes, clocks and columns of a synthetic dive are found back, and the case runs at once."""
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from pathlib import Path

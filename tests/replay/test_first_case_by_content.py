@@ -1,7 +1,5 @@
 """`replay --init` on tables whose columns have no names or other dates, and on logs that tell little."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

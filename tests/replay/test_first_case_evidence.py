@@ -1,7 +1,5 @@
 """`replay --init` decides by evidence: units, noise, offsets, axes and mounting that the log itself tells."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Flags and units of beams in a table: `replay --init`, `replay` and `convert` take the same, with the same values."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

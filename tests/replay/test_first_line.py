@@ -1,7 +1,5 @@
 """A share of `tools.first_line`: the answers that a navigator is given first, beside the truth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Faults of the inertial sensors: readings out of range, clipped and stuck, gaps; and pushes that are refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

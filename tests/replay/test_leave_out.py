@@ -1,7 +1,5 @@
 """Beams left out of pings: by hand, by a literal Kalman filter, and consistent where the noise is as claimed."""
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 import pytest

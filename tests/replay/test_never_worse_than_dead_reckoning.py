@@ -4,8 +4,6 @@ Simulated dives, each with another draw of every sensor's errors, outliers among
 have the same compass, whose error lasts, so dead reckoning may be lucky on a dive: compared are RMS over the dives.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

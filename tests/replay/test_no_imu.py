@@ -1,7 +1,5 @@
 """Dives of vehicles without inertial readings: attitude, DVL and depth alone, simulated and recorded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

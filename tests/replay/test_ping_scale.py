@@ -1,7 +1,5 @@
 """The noise of a single ping under heavy tails: by hand, and as one covariance on pings that did not make it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Case files: what is rejected, in which words, and what follows from what is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Times of a stream: gaps, jumps, repeats and steps back are counted with the first place; nothing is repaired."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

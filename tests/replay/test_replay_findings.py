@@ -1,7 +1,5 @@
 """A mistake put into a case: the first cause that the replay names is that mistake, and a right case has none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

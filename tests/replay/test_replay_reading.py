@@ -1,7 +1,5 @@
 """Streams of a case into SI: increments, frames, gaps, empty rows, and what each fault is told with."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

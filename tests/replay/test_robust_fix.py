@@ -1,7 +1,5 @@
 """Fixes with measured noise and without outliers: by hand, as plain where nothing is wrong, and honest where it is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """A replay in Python: its plots are the figures of its page, its tables are the files, its comparison is by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

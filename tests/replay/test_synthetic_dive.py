@@ -1,7 +1,5 @@
 """A dive of known truth through the whole path: what was written in odd units and frames comes back as it was."""
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 import pytest

@@ -1,7 +1,5 @@
 """Revolutions of the propeller in a replay: dives in a current with the bottom hidden, the section's keys, the page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which settings of a case can be tuned, where they begin, and the case with other values."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 

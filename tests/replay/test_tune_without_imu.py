@@ -1,7 +1,5 @@
 """`bottomlock tune` of a vehicle without inertial readings: no outage may know the pings that it withholds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

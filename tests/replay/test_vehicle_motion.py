@@ -1,7 +1,5 @@
 """The vehicle's motion as its pings show it: what was drawn is found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

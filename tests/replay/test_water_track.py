@@ -1,7 +1,5 @@
 """Water track in a replay: a dive in a current with its bottom hidden, the section's keys, the page."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

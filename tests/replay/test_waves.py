@@ -1,7 +1,5 @@
 """Waves in a depth: found where the accelerometers do not feel them, with size and period, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Beams taken away: masks by hand; closure by its theorem."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Replays without the time that findings take: more than half of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from bottomlock.replay.case import Case

@@ -1,7 +1,5 @@
 """A campaign's directory made of whole cloth: the tests say which errors a method makes and what it claims."""
 
-from __future__ import annotations
-
 import importlib.metadata
 from collections.abc import Callable, Sequence
 from pathlib import Path

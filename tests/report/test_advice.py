@@ -1,7 +1,5 @@
 """The advice of a report: consistent in the campaign, and in the published studies, too."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

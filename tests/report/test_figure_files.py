@@ -1,7 +1,5 @@
 """Below each figure of a campaign are its files, and it draws the campaign's tables."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages in a real browser: nothing is cut off, the keyboard reaches everything, paper shows what is folded."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report is made from the tables alone, is one page, and says what is wrong with a directory."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import re

@@ -1,7 +1,5 @@
 """docs/architecture.md and the tree agree: paths exist, rooms are named; links of all pages resolve."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

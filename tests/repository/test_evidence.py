@@ -1,7 +1,5 @@
 """docs/evidence.md is what its tables say, README and methods' page state their numbers, and studies fly again."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

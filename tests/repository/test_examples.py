@@ -1,7 +1,5 @@
 """The examples run as they are shown, and draw what their pages show."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 

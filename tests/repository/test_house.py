@@ -1,7 +1,5 @@
 """The house keeps its promises: commands in the README, one version, files that ship, one way into the kernel."""
 
-from __future__ import annotations
-
 import ast
 import importlib.metadata
 import importlib.resources

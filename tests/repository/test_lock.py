@@ -1,7 +1,5 @@
 """requirements.lock: what pyproject.toml asks for, one version each, with hashes, from nowhere in particular."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the site is laid out from: links, tables, downloads; and the code of the tutorials."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

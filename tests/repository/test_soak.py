@@ -1,7 +1,5 @@
 """Ten minutes of the soak, and that it would see what it looks for."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

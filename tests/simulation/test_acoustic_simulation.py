@@ -1,7 +1,5 @@
 """Simulated acoustic fixes: their own random stream and scatter, observability, scenarios."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

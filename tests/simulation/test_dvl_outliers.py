@@ -1,7 +1,5 @@
 """Outliers among simulated beams: their own random stream, none by default, and the noise of the surveys."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The simulated heading sensor: how its readings scatter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

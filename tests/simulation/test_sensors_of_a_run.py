@@ -1,7 +1,5 @@
 """All simulated sensors at once: a campaign's run is the streaming navigator; each has random numbers of its own."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulated revolutions: as a literal equation, streams as stated, scenarios."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulated water track: its beams as a literal equation, a stream of its own, closed loop, scenarios."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Worlds of the simulated sensors, and what the kernel takes of one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

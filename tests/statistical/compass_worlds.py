@@ -3,8 +3,6 @@
 `python -m tests.statistical.compass_worlds` prints every world: as it is, without inflation, by dead reckoning.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Ensembles of the packaged scenarios, run once per process and kept for every test that judges them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

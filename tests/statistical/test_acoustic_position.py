@@ -4,8 +4,6 @@ The verdicts are four bands, each with a false-alarm rate of 2.5e-4: 1e-3 togeth
 not chosen.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

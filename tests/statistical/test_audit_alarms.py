@@ -1,7 +1,5 @@
 """How often an audit cries wolf, and whether its standard deviations are worth their name."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,6 @@ means, 5.73 of 4 with speed and turns, is above its band (5.55). A right filter 
 of six. 100 runs judged the same more narrowly: 3.76 on the straight and 4.08 with speed and turns, band 3.46 to 4.57.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache

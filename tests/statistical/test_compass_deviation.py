@@ -1,7 +1,5 @@
 """A compass that deviates with heading leads no filter astray: its readings are charged to the compass."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -8,8 +8,6 @@ a bad stretch. A right filter fails (1) in 5 % of campaigns and (2) in 1 %.
 Seed and number of runs were fixed before the first run; see `ensembles`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

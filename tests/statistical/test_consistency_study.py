@@ -7,8 +7,6 @@ before the first run, and so were the verdicts but two: those of `sway_current`,
 on the straight leg, which was overconfident until its NEES was taken in linear coordinates (docs/linear_range.md).
 """
 
-from __future__ import annotations
-
 import polars as pl
 import pytest
 

@@ -6,8 +6,6 @@ second, with 1 N of noise. The filter has the vehicle's mass and drag, or drag t
 a seed that was not chosen; a band holds with probability 1 - 1e-3. Not in this world: a tether, waves.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -5,8 +5,6 @@ The recording (`glider_pathfinder`: attitude, bottom track and cells of 2 m) is 
 displacement in the pings whose water and bottom are both there, unless stated otherwise; windows begin every 150 s.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

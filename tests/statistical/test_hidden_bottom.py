@@ -6,8 +6,6 @@ expects or wrong by a fifth, which is two of its sigmas. A single sample of a se
 with probability 1 - 1e-3. An ensemble of currents is that of `test_water_track.py`.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NamedTuple
 

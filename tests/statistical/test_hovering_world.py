@@ -5,8 +5,6 @@ seed are those of the scenario, written down before the first run. `weak_sway` w
 showed (docs/hovering.md); `make test` flies the first half. NEES is that of velocity and attitude.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import polars as pl
 import pytest

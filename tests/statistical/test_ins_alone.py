@@ -1,7 +1,5 @@
 """The INS without aiding: its error after 250 s is the initial tilt's, as PAPER works out by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -3,8 +3,6 @@
 Disturbances are seeded: a start worse than claimed, silence, wrong beams, wrong positions.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product

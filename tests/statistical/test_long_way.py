@@ -5,8 +5,6 @@ before the first run. Means over time and runs have a band from the spread betwe
 and the NEES.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The planner's predicted deviations against Monte Carlo with the kernel's own filter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

@@ -4,8 +4,6 @@ Each pair on the straight leg, 20 runs of the five fixes after it; one false-ala
 what the size decides: the same test finds its fault. Seed and number of runs were fixed before the first run.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom, norm

@@ -6,8 +6,6 @@ between runs, so a right filter fails each of the two in 5 % of ensembles. Seed 
 the first run.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -6,8 +6,6 @@ scenarios. With 40 runs the band of a mean NEES of velocity and attitude finds, 
 claimed 1.6 times too small; what it guards against were factors of a thousand.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

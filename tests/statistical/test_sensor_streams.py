@@ -1,7 +1,5 @@
 """Every simulated stream has the statistics its settings name; seeds are fixed, bands are two-sided at 0.1 % each."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

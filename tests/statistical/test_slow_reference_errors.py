@@ -1,7 +1,5 @@
 """Errors of instruments that last: a filter that expects them is consistent, others are overconfident."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

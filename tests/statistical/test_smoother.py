@@ -10,8 +10,6 @@ they have a standard error of 0.5 of 15: covariances claimed 11 % too small (sta
 90 % of ensembles.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

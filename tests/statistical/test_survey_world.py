@@ -8,8 +8,6 @@ exception of `tc` that the study of another seed shows (docs/survey.md). That of
 when their prior changed, from runs of this seed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import polars as pl

@@ -10,8 +10,6 @@ a standard error of 0.31 of 6, so that a mean of 7.2 (standard deviations claime
 campaigns.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

@@ -7,8 +7,6 @@ in common; the mean difference may not exceed three of its standard errors.
 second: the filter on the measurements alone then knows the velocity to several cm/s.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`bottomlock tune` finds the noise that made a log, within its claimed sigma."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 from collections.abc import Callable, Sequence

@@ -5,8 +5,6 @@ For a minute every other ping returns from the bottom, the others from the water
 of 2.5e-4 each. The seed was not chosen.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 A turn of 3°/s at 1.5 m/s, readings of the IMU with the errors that the filter assumes, a solved velocity at some rate.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Logs with known noise for the tests of `bottomlock tune`: arrays as the kernel takes them, and case folders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Worlds drawn from what the method sway_current assumes: current, sway gain, trim and slip differ from run to run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

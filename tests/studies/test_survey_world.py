@@ -1,7 +1,5 @@
 """The packaged surveys, and a trajectory in their world."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The columns of every table: each RMS and mean says over what, and the written tables have them."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import re
