@@ -25,13 +25,18 @@ def analytic_simulation(name: str, **change: Any) -> Simulation:  # noqa: ANN401
     return build_simulation(analytic(name, **change))
 
 
-def batch_along(duration_s: float) -> dict[str, Any]:
-    """What `kernel.run_batch` wants, but for runs, methods and threads: the straight trajectory, for a while."""
-    simulation = analytic_simulation("straight", duration_s=duration_s)
+def batch_of(simulation: Simulation, every: slice = slice(None)) -> dict[str, Any]:
+    """What `kernel.run_batch` wants, but for runs, methods and threads; of its samples some."""
     scenario, truth = simulation.scenario, simulation.truth()
+    schedule: Any = dict(measurement_schedule(simulation, truth))
+    schedule["sample_time_ns"] = schedule["sample_time_ns"][every]
     model = scenario.kernel_model(simulation.gravity_mps2)
     return {
         "geometry": simulation.geometry, "truth": truth.kernel_arrays(), "simulated": model, "assumed": model,
-        "options": scenario.kernel_options(), "schedule": measurement_schedule(simulation, truth), "seed": 1,
-        "trajectory_key": 2, "first_run": 0,
+        "options": scenario.kernel_options(), "schedule": schedule, "seed": 1, "trajectory_key": 2, "first_run": 0,
     }  # fmt: skip
+
+
+def batch_along(duration_s: float) -> dict[str, Any]:
+    """Along the straight trajectory, for a while."""
+    return batch_of(analytic_simulation("straight", duration_s=duration_s))

@@ -215,32 +215,6 @@ def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str
         assert contents(out).keys() - {"figures"} >= plain
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_a_report_that_was_edited_is_the_user_s(tmp_path: Path) -> None:
-    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
-    page = tmp_path / "o" / "report.html"
-    page.write_text("mine from the beginning", encoding="utf-8")
-    for force in ((), ("--force",)):
-        done = command("report", "o", *force, cwd=tmp_path)
-        assert done.returncode == 2
-        assert done.stderr.startswith(
-            "bottomlock: o/report.html: is there and not of ours, and not even --force"
-        )
-    assert not (tmp_path / "o" / "figures").exists()
-    page.unlink()
-    assert command("report", "o", cwd=tmp_path).returncode == 0
-    page.write_text("with my remarks", encoding="utf-8")
-    done = command("report", "o", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("bottomlock: o/report.html: has changed since it was written")
-    done = command(*RUN, "--runs", "3", cwd=tmp_path)
-    assert "removed, but not report.html, which you have changed" in done.stderr
-    assert page.read_text(encoding="utf-8") == "with my remarks"
-    page.unlink()
-    assert command("report", "o", cwd=tmp_path).returncode == 0
-
-
 def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> None:
     """A trajectory from a file of the name of a table that the run with --force is about to replace."""
     assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0

@@ -1,13 +1,10 @@
 """The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
 
-import contextlib
 import json
-import os
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -62,26 +59,6 @@ def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
     assert float(imu[0][6]) == pytest.approx(-9.8, abs=0.3)
     for time_ns in (int(imu[0][0]), int(depth[0][0]), int(pings.time_ns[0])):
         assert 0 <= time_ns - base_s * 10**9 <= 10**9
-
-
-def test_a_terminal_named_by_a_link(tmp_path: Path) -> None:
-    """A reader opens the link as it would a serial device."""
-    link, got = tmp_path / "dvl", bytearray()
-
-    def read() -> None:
-        while not link.exists():
-            time.sleep(0.01)
-        device = os.open(link, os.O_RDONLY | os.O_NOCTTY)
-        with contextlib.suppress(OSError):  # the terminal was closed
-            while got.count(b"\n") < 20:
-                got.extend(os.read(device, 4096))
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    done = bottomlock(*RUN, "--speed", "100", "--dvl", f"pty:{link}")
-    reader.join(10)
-    assert done.returncode == 0, done.stderr
-    assert [json.loads(line)["type"] for line in got.splitlines()] == ["velocity"] * 20
 
 
 @pytest.mark.long

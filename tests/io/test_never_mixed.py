@@ -74,16 +74,6 @@ def test_lines_of_a_logger_are_joined() -> None:
     assert waterlinked_serial.read(b"".join(lines), "log").table.beams_valid.tolist() == [4, 1]
 
 
-def test_json_with_a_key_twice_is_damaged() -> None:
-    """Bytes that are lost between two transducers make one of both; it is rejected, and the next report read."""
-    one, two = seeds.a50_report(0, version="json_v3"), seeds.a50_report(1, version="json_v3")
-    start = one.index(b',"distance"')
-    cut = one[:start] + one[one.index(b',"velocity"', start) :]
-    recording = waterlinked_json.read(cut + two, "log")
-    assert recording.table.rows == 1
-    assert recording.account.skipped["truncated"].first == 1
-
-
 @pytest.mark.parametrize(("clock", "times"), [("reports", [100, 200, 300, 400]), ("distinct", [100, 200])])
 def test_both_clocks_of_a_log_with_repeats(clock: str, times: list[int]) -> None:
     """Without time stamps an exact repeat adds its interval to the clock, or is left out; both sums are told."""

@@ -93,9 +93,7 @@ def oracle_sd(
 def filter_sd(motion: Shaken, beams: Array | None, period_ns: int) -> Array:
     """σ at the end by the product, fed with averaged samples and perfect pings."""
     geometry = bottomlock.BeamGeometry.janus(0.35)
-    start: Any = {
-        "time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": motion.quaternion, "velocity_p_mps": motion.velocity,
-    }  # fmt: skip
+    start: Any = settings.start(velocity=motion.velocity, attitude=motion.quaternion)
     options = settings.options(covariance_period_ns=period_ns, imu_sampling="averaged")
     navigator = bottomlock.Navigator(geometry, settings.table_2(), options, start, method="tc")
     rate, force = motion.averaged(motion.rate), motion.averaged(motion.force)

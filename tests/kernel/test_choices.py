@@ -17,9 +17,7 @@ from tests.property import settings
 
 def reports(method: Method, beams_mps: list[list[float]]) -> list[Any]:
     """A vehicle at rest, pings with beams 1 and 2 a second apart."""
-    start: Any = {
-        "time_ns": 0, "position_t_m": [0.0] * 3, "attitude_t_p": [1.0, 0, 0, 0], "velocity_p_mps": [0.0] * 3,
-    }  # fmt: skip
+    start: Any = settings.start()
     navigator = kernel.Navigator(
         kernel.BeamGeometry.janus(0.35), settings.table_2(), settings.options(), start, method=method
     )

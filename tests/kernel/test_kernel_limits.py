@@ -18,6 +18,7 @@ from bottomlock.kernel import ClosedLoop, KernelError, Method
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.run import tune_case
 from tests.analytic import batch_along
+from tests.property import settings
 
 WORK = batch_along(4.0)
 DIVE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"
@@ -44,16 +45,11 @@ def test_samples_of_a_replay_without_room_are_refused() -> None:
         "beam_velocity_mps": np.empty((0, 4)),
         "beam_valid": np.empty((0, 4), bool),
     }
-    start: Any = {
-        "time_ns": 0,
-        "position_t_m": np.zeros(3),
-        "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
-        "velocity_p_mps": np.zeros(3),
-    }
-    settings: Any = {"smooth": True, "covariances": True, "sample_time_ns": np.arange(1_000_000)}
+    start: Any = settings.start()
+    further: Any = {"smooth": True, "covariances": True, "sample_time_ns": np.arange(1_000_000)}
     with pytest.raises(KernelError, match="2000 methods with 1000000 samples and 0 pings need"):
         kernel.replay_log(
-            WORK["geometry"], WORK["assumed"], WORK["options"], ["tc"] * 2000, log, start, **settings
+            WORK["geometry"], WORK["assumed"], WORK["options"], ["tc"] * 2000, log, start, **further
         )
 
 
@@ -206,11 +202,6 @@ def test_a_method_that_is_no_more_says_what_takes_its_place(name: str, instead: 
 
 def test_arrays_of_many_dimensions_are_refused() -> None:
     """Numpy allows 64 of them, the crate that reads its arrays 32."""
-    start: Any = {
-        "time_ns": 0,
-        "position_t_m": np.zeros((1,) * 40),
-        "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
-        "velocity_p_mps": np.zeros(3),
-    }
+    start: Any = settings.start(position=np.zeros((1,) * 40))
     with pytest.raises(KernelError, match=r"initial.position_t_m has shape \(1, .*\), expected \(3,\)"):
         kernel.Navigator(WORK["geometry"], WORK["assumed"], WORK["options"], start)

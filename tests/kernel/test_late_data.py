@@ -15,12 +15,7 @@ from tests.property import settings
 MS = 1_000_000
 SECOND = 1000 * MS
 LEVEL = np.array([0.0, 0.0, -settings.GRAVITY])
-AT_REST: Any = {
-    "time_ns": 0,
-    "position_t_m": np.zeros(3),
-    "attitude_t_p": np.array([1.0, 0, 0, 0]),
-    "velocity_p_mps": np.zeros(3),
-}
+AT_REST: Any = settings.start()
 STREAMS = ("imu", "dvl", "depth", "heading", "gps")
 
 

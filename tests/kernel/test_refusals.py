@@ -16,9 +16,7 @@ from tests.property import settings
 ABSURD = [np.nan, np.inf, -np.inf, 1e20, -1e300]
 JANUS = bottomlock.BeamGeometry.janus(0.35)
 Y, ALL = np.ones((5, 4)), np.ones((5, 4), dtype=bool)
-REST: Any = {
-    "time_ns": 0, "position_t_m": np.zeros(3), "attitude_t_p": [1.0, 0.0, 0.0, 0.0], "velocity_p_mps": np.zeros(3),
-}  # fmt: skip
+REST: Any = settings.start()
 UP = np.array([0.0, 0.0, -9.8])
 
 

@@ -16,12 +16,7 @@ LEVEL = [0.0, 0.0, -settings.GRAVITY]
 
 def navigator(fixes: int, method: Method = "lc", **other: Any) -> bottomlock.Navigator:  # noqa: ANN401 - options
     """At rest and level to a centiradian; the covariance is so small that a drift of 2 m/s each second is rejected."""
-    initial: Any = {
-        "time_ns": 0,
-        "position_t_m": np.zeros(3),
-        "attitude_t_p": np.array([1.0, 0.0, 0.0, 0.0]),
-        "velocity_p_mps": np.zeros(3),
-    }
+    initial: Any = settings.start()
     options = settings.options(gate="joint", inflate_after_rejections=fixes, **other)
     return bottomlock.Navigator(JANUS, settings.table_2(), options, initial, method=method)
 

@@ -74,12 +74,7 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
     model["effort"] = EffortModel(
         mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 60), quadratic_drag_kgpm=(10, 0, 0)
     ).as_dict()
-    start: Any = {
-        "time_ns": 0,
-        "position_t_m": np.zeros(3),
-        "attitude_t_p": LEVEL,
-        "velocity_p_mps": np.zeros(3),
-    }
+    start: Any = settings.start(attitude=LEVEL)
     robust = {"closure_gate": 0.999, "beam_gate": 0.999, "tail": "student_t", "student_t_degrees": 4.0}
     options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
         "thrust": "velocity"

@@ -12,12 +12,7 @@ from bottomlock.kernel import Method, models
 from tests.property import settings
 
 JANUS = kernel.BeamGeometry.janus(np.deg2rad(20.0))
-INITIAL: Any = {
-    "time_ns": 0,
-    "position_t_m": [0.0, 0.0, 0.0],
-    "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
-    "velocity_p_mps": [2.0, 0.3, 0.0],
-}
+INITIAL: Any = settings.start(velocity=[2.0, 0.3, 0.0])
 
 
 def swim(

@@ -87,6 +87,13 @@ def options(*, exact: bool = False, **changed: Any) -> Any:  # noqa: ANN401 - a 
     return plain | changed
 
 
+def start(
+    velocity: Any = (0.0,) * 3, attitude: Any = (1.0, 0.0, 0.0, 0.0), position: Any = (0.0,) * 3
+) -> Any:  # noqa: ANN401
+    """Of time 0; level, looking north, at rest and at the origin where nothing else is given."""
+    return {"time_ns": 0, "position_t_m": position, "attitude_t_p": attitude, "velocity_p_mps": velocity}
+
+
 def schedule(seconds: int, *, lost: tuple[int, ...] = (), beams: int = 4) -> ScheduleDict:
     """A ping and a sample a second; beams numbered in `lost` never return."""
     epochs = np.arange(1, seconds + 1, dtype=np.int64) * 1_000_000_000

@@ -51,10 +51,9 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
     root = rng.normal(size=(20, 20)) * 0.1
     root[3:6] *= 0.1
     before = root @ root.T + 0.01 * np.eye(20)
-    initial: Any = {
-        "time_ns": 0, "position_t_m": position, "attitude_t_p": quaternion_from_euler(0.4, np.deg2rad(pitch_deg), -1.1),
-        "velocity_p_mps": np.zeros(3),
-    }  # fmt: skip
+    initial: Any = settings.start(
+        attitude=quaternion_from_euler(0.4, np.deg2rad(pitch_deg), -1.1), position=position
+    )
     navigator = Navigator(JANUS, model(), options(), initial, method="ins", covariance=before)
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=fix)

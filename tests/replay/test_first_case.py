@@ -208,24 +208,6 @@ def test_what_cannot_be_used_is_said_in_one_line(dive: Dive, tmp_path: Path) -> 
         assert len(line) < 140
 
 
-@pytest.mark.long
-@pytest.mark.recordings
-@pytest.mark.parametrize("section", ["01", "06"])
-def test_recorded_files_without_times_or_right_handed_axes(
-    recordings: Path, tmp_path: Path, section: str
-) -> None:
-    """A fibre-optic IMU with y to port and no column of times, a DVL and a reference on clocks of their own."""
-    folder = recordings / "akit_snapir"
-    if not folder.is_dir():
-        pytest.skip(f"no recording {folder}")
-    names = (f"imu_{section}.parquet", f"dvl_{section}.csv", f"gt_{section}.csv")
-    case = made(tmp_path, *(folder / name for name in names))
-    assert case.readings.axes == ("x", "-y", "z")
-    row = tc_row(case)
-    assert row["fixes_rejected"] < 10
-    assert row["position_final_percent"] < 2.0
-
-
 def stamps(kind: str, seconds: Floats) -> Floats:
     """Times as poor loggers write them."""
     random = np.random.default_rng(0)

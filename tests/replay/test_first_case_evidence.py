@@ -359,27 +359,6 @@ def test_declination_turns_a_magnetic_yaw_alone(
     assert row["position_final_percent"] < 2.0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("column", "filler"), [("gyr_z", -99999.0), ("gyr_x", 1e9), ("acc_y", 9.97e36)])
-def test_one_filler_among_inertial_readings_changes_no_guess(
-    dive: Dive, column: str, filler: float, tmp_path: Path
-) -> None:
-    """Its row is left out and named; before, the attitude did not aid, and the heading counted as unknown."""
-    files = tables(tmp_path, dive)
-    clean, _ = made(tmp_path, files)
-    imu = pl.read_csv(files["imu"])
-    values = imu[column].to_list()
-    values[9000] = filler
-    imu.with_columns(pl.Series(column, values)).write_csv(files["imu"])
-    (tmp_path / "case.toml").unlink()
-    case, text = made(tmp_path, files)
-    assert "left out: 1, the first of them row 9000" in text
-    assert case.attitude == clean.attitude
-    assert case.start == clean.start
-    assert case.readings.omega_unit == "rad/s"
-    assert case.readings.errors.grade == clean.readings.errors.grade
-
-
 def test_the_first_rows_of_a_turn_are_readings() -> None:
     """After a long rest, nine seconds of a turn at a thousand times the noise; so is a rest without any noise."""
     rng = np.random.default_rng(3)

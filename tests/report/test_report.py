@@ -116,15 +116,6 @@ def test_the_page_takes_the_readers_colours(made: Path) -> None:
     assert palette.PAPER not in figures
 
 
-@pytest.mark.long
-def test_same_tables_same_bytes(made: Path, tmp_path: Path) -> None:
-    """In another directory and at another time."""
-    copy = tmp_path / "elsewhere"
-    shutil.copytree(made, copy, ignore=shutil.ignore_patterns("report.html", "figures", "tables"))
-    make_report(copy)
-    assert files(copy) == files(made)
-
-
 def test_errors_are_read_back_run_by_run(tmp_path: Path) -> None:
     """Cut into chunks or not, with chunks of a smaller campaign beside them: the same errors in the same order."""
     whole = write_campaign(tmp_path / "a", runs=12, chunks=1)

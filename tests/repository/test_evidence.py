@@ -115,38 +115,3 @@ def test_the_readme_states_the_numbers_of_the_tables(root: Path) -> None:
         f"costs up to {TABLES['sway_current_prior'][0]['error_more_percent'].to_numpy().max():.0f} %"
         in readme
     )
-
-
-def test_a_table_without_metadata_names_its_origin_in_columns(tmp_path: Path) -> None:
-    """Pivoted, whole and cut after some rows."""
-    table = pl.DataFrame(
-        {
-            "dive": ["a", "a", "b"],
-            "method": ["tc", "vb", "tc"],
-            "error_m": [1.25, 1234.5, None],
-            "kept": [1, 2, 3],
-        }
-    )
-    origin = {"command": "c", "commit": "0123abcd", "date": "2026-01-02"}
-    table.with_columns(**{name: pl.lit(text) for name, text in origin.items()}).write_parquet(
-        tmp_path / "two_dives.parquet"
-    )
-    about = origin | {
-        "title": "One",
-        "text": "Errors, m.",
-        "place": "1",
-        "index": "dive",
-        "on": "method",
-        "values": "error_m,kept",
-    }
-    evidence.write(tmp_path / "one.parquet", table, about)
-    long = pl.DataFrame({"x": range(evidence.MOST_ROWS + 2)})
-    evidence.write(tmp_path / "z.parquet", long, origin)
-    text = evidence.page(tmp_path)
-    assert text.index("## One") < text.index("## Two dives") < text.index("## Z")
-    assert "| dive | tc | vb |" in text
-    assert "| a | 1.25 / 1 | 1234 / 2 |\n| b | – / 3 |  |" in text
-    assert (
-        "| b | tc | – | 3 |\n\n`data/evidence/two_dives.parquet`: `c`, commit 0123abcd, 2026-01-02." in text
-    )
-    assert f"The first {evidence.MOST_ROWS} of {len(long)} rows." in text

@@ -2,12 +2,9 @@
 
 import os
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
-from tools.mutation_sample import Fault, head, judged_before, python_faults, write
+from tools.mutation_sample import Fault, python_faults
 from tools.switched_faults import SOURCE as SWITCH_SOURCE
 from tools.switched_faults import SWITCH, blamed, switched
 
@@ -34,24 +31,6 @@ def test_faults_build_and_differ(tmp_path: Path) -> None:
     # What is raised is not a fault's place.
     assert not any("value + limit" in change for change in changed)
     assert {fault.function for fault in faults} == {"gate"}
-
-
-def test_a_run_goes_on_with_what_its_table_holds(tmp_path: Path) -> None:
-    """The faults of this commit and of other groups stay; those of a group at another commit are judged anew."""
-    (tmp_path / "gate.py").write_text(SOURCE)
-    first, second, third, *_ = python_faults("logs", tmp_path / "gate.py", tmp_path)
-    kept = [
-        replace(first, outcome="killed", commit=head()),
-        replace(second, group="kernel mathematics", outcome="survived", commit="0" * 40),
-    ]
-    table = tmp_path / "table.parquet"
-    write([*kept, replace(third, outcome="killed", commit="0" * 40)], table)
-    found = judged_before(table, ["logs"])
-    assert [(one.key, one.outcome, one.commit) for one in found] == [
-        (one.key, one.outcome, one.commit) for one in kept
-    ]
-    with pytest.raises(SystemExit, match="--goes-on needs --out"):
-        judged_before(tmp_path / "none.parquet", ["logs"])
 
 
 RUST = b"""fn brace(text: &str) -> char { if text == "}" { '{' } else { 'x' } } // }

@@ -6,7 +6,7 @@ from typing import Any
 
 import bottomlock
 from bottomlock.kernel import Method
-from tests.analytic import analytic_simulation
+from tests.analytic import analytic_simulation, batch_of
 from tests.oracle.rotations import Array
 
 # Fixed before the first run: the day the paper appeared.
@@ -35,25 +35,9 @@ class Ensemble:
 @lru_cache(maxsize=8)
 def run_ensemble(name: str, methods: tuple[Method, ...], runs: int = RUNS, every_s: int = 5) -> Ensemble:
     """Flies a packaged scenario on its analytic truth."""
-    simulation = analytic_simulation(name)
-    scenario, truth = simulation.scenario, simulation.truth()
-    schedule = bottomlock.measurement_schedule(simulation, truth)
-    schedule["sample_time_ns"] = schedule["sample_time_ns"][every_s - 1 :: every_s]
-    options = scenario.kernel_options()
-    model = scenario.kernel_model(simulation.gravity_mps2)
-    arrays: Any = truth.kernel_arrays()
-    batch: Any = bottomlock.run_batch(
-        simulation.geometry,
-        arrays,
-        model,
-        model,
-        options,
-        schedule,  # type: ignore[arg-type]
-        methods,
-        seed=SEED,
-        trajectory_key=17,
-        first_run=0,
-        runs=runs,
-        threads=1,
-    )
+    work = batch_of(analytic_simulation(name), slice(every_s - 1, None, every_s)) | {
+        "seed": SEED,
+        "trajectory_key": 17,
+    }
+    batch: Any = bottomlock.run_batch(**work, methods=methods, runs=runs, threads=1)
     return Ensemble(methods, batch)

@@ -12,7 +12,7 @@ import pytest
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import run_batch
 from bottomlock.simulation.build import build_simulation
-from bottomlock.simulation.measurement_schedule import measurement_schedule
+from tests.analytic import batch_of
 from tests.oracle import chi_squared
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
@@ -25,26 +25,8 @@ def fly(latitude_deg: float, heading_deg: float) -> dict[str, Any]:
     """The kernel's batch of runs of one way."""
     scenario = load_scenario("long_way").replace({"environment.latitude_deg": latitude_deg})
     simulation = build_simulation(scenario.replace({"trajectory.heading_deg": heading_deg}))
-    truth = simulation.truth()
-    schedule: Any = measurement_schedule(simulation, truth)
-    schedule["sample_time_ns"] = schedule["sample_time_ns"][499::500]
-    model = scenario.kernel_model(simulation.gravity_mps2)
-    arrays: Any = truth.kernel_arrays()
-    batch = run_batch(
-        simulation.geometry,
-        arrays,
-        model,
-        model,
-        scenario.kernel_options(),
-        schedule,
-        ["tc"],
-        seed=SEED,
-        trajectory_key=31,
-        first_run=0,
-        runs=RUNS,
-        threads=1,
-    )
-    return dict(batch)
+    work = batch_of(simulation, slice(499, None, 500)) | {"seed": SEED, "trajectory_key": 31}
+    return dict(run_batch(**work, methods=["tc"], runs=RUNS, threads=1))
 
 
 @pytest.mark.long

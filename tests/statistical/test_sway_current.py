@@ -18,6 +18,7 @@ import pytest
 
 import bottomlock
 from bottomlock.kernel import Method, models
+from tests.analytic import batch_of
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array
 from tests.property import settings
@@ -73,17 +74,8 @@ def run_vehicle(name: str, current_mps: float) -> dict[str, Any]:
     packaged = bottomlock.load_scenario(name)
     current = {"speed_mps": current_mps, "towards_deg": 90.0}
     simulation = bottomlock.build_simulation(packaged.replace({"mission.current": current}))
-    truth = simulation.truth()
-    schedule: Any = bottomlock.measurement_schedule(simulation, truth)
-    schedule["sample_time_ns"] = schedule["sample_time_ns"][4::5]
-    model = packaged.kernel_model(simulation.gravity_mps2)
-    options = packaged.kernel_options()
-    arrays: Any = truth.kernel_arrays()
-    batch: Any = bottomlock.run_batch(
-        simulation.geometry, arrays, model, model, options, schedule, METHODS,
-        seed=ensembles.SEED, trajectory_key=17, first_run=0, runs=RUNS, threads=1,
-    )  # fmt: skip
-    return dict(batch)
+    work = batch_of(simulation, slice(4, None, 5)) | {"seed": ensembles.SEED, "trajectory_key": 17}
+    return dict(bottomlock.run_batch(**work, methods=METHODS, runs=RUNS, threads=1))
 
 
 def mean_square(batch: dict[str, Any], method: str) -> Array:

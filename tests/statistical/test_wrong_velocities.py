@@ -49,12 +49,10 @@ def flown(
     start["velocity_sd_mps"] = np.full(3, 0.05)
     tilt = rng.standard_normal(3) * start["attitude_sd_rad"]
     half = 0.5 * tilt
-    initial: Any = {
-        "time_ns": 0,
-        "position_t_m": np.zeros(3),
-        "attitude_t_p": np.array([1.0, *half]) / np.sqrt(1.0 + half @ half),
-        "velocity_p_mps": VELOCITY_MPS + rng.standard_normal(3) * 0.05,
-    }
+    initial: Any = settings.start(
+        velocity=VELOCITY_MPS + rng.standard_normal(3) * 0.05,
+        attitude=np.array([1.0, *half]) / np.sqrt(1.0 + half @ half),
+    )
     nav = bottomlock.Navigator(
         JANUS, model, settings.options(gate="joint", inflate_after_rejections=5), initial, method="tc"
     )

@@ -23,9 +23,7 @@ def truth_of(name: str) -> tuple[Scenario, Truth]:
     return simulation.scenario, simulation.truth()
 
 
-@pytest.mark.parametrize(
-    "simulation", [*map(analytic_simulation, NAMES), build_simulation(load_scenario("lawn_mower"))]
-)
+@pytest.mark.parametrize("simulation", [*map(analytic_simulation, NAMES), FLOWN])
 def test_perfect_imu_returns_the_truth(simulation: Simulation) -> None:
     """Position within 1 cm and attitude within 1e-6 rad after 250 s; also of a vehicle that dives and turns."""
     position_m, attitude_rad = closure(simulation, simulation.truth())
