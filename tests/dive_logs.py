@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.io.beams import read_geometry
 from tests.dive import DENSITY, STANDARD_GRAVITY, SURFACE_PA, Dive, Floats, Tables, dvl_bytes, tables
 from tests.ros_messages import DVL, IMU, PRESSURE, Messages, write_ros2
+from tests.toml_text import toml
 
 
 def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinked_a50") -> list[Path]:
@@ -36,75 +37,47 @@ def write(held: Tables, folder: Path, words: str, *, geometry: str = "waterlinke
     return files
 
 
-CASE = """
-name = "dive"
-[origin]
-latitude_deg = 45.0
-[imu]
-file = "imu.parquet"
-clock = { column = "time_s", unit = "s" }
-force = ["ax", "ay", "az"]
-omega = ["gx", "gy", "gz"]
-omega_unit = "rad/s"
-axes = ["x", "y", "z"]
-[imu.errors]
-accel_bias_mg = 1.0
-gyro_bias_deg_per_h = 20.0
-accel_noise_mps_per_rt_h = 0.085
-gyro_noise_deg_per_rt_h = 0.25
-[dvl]
-file = "beams.parquet"
-clock = { column = "time_ns", unit = "ns", offset_s = 0.0 }
-geometry = "dvl.toml"
-beam_noise_mps = 0.008
-[depth]
-file = "depth.parquet"
-clock = { column = "time_s", unit = "s" }
-column = "depth_m"
-up = false
-sd_m = 0.03
-[attitude]
-file = "ahrs.parquet"
-clock = { column = "time_s", unit = "s" }
-roll = "roll_deg"
-pitch = "pitch_deg"
-yaw = "heading_deg"
-unit = "deg"
-yaw_sd_deg = 1.0
-aids = "nothing"
-[reference]
-file = "reference.parquet"
-clock = { column = "time_s", unit = "s" }
-north = "north"
-east = "east"
-down = "down"
-[start]
-at_s = 15.0
-level = "given"
-roll_deg = 0.0
-pitch_deg = 0.0
-level_sd_deg = 0.3
-heading = "given"
-heading_deg = 0.0
-heading_sd_deg = 2.0
-velocity = "beams"
-velocity_mps = [0.0, 0.0, 0.0]
-position = "reference"
-position_sd_m = [0.1, 0.1, 0.1]
-[replay]
-methods = ["lc", "tc"]
-smooth = false
-"""
-CASE_GEOMETRY = """
-configuration = "angles"
-tilts_deg = [22.5, 22.5, 22.5, 22.5]
-azimuths_deg = [135.0, -135.0, -45.0, 45.0]
-beam_noise_mps = 0.008
-sound_speed_scale = 1.0
-mounting_roll_deg = 0.0
-mounting_pitch_deg = 0.0
-mounting_yaw_deg = 0.0
-"""
+CASE = toml({
+    "": {"name": "dive"},
+    "origin": {"latitude_deg": 45.0},
+    "imu": {
+        "file": "imu.parquet", "clock": {"column": "time_s", "unit": "s"}, "force": ["ax", "ay", "az"],
+        "omega": ["gx", "gy", "gz"], "omega_unit": "rad/s", "axes": ["x", "y", "z"],
+    },
+    "imu.errors": {
+        "accel_bias_mg": 1.0, "gyro_bias_deg_per_h": 20.0, "accel_noise_mps_per_rt_h": 0.085,
+        "gyro_noise_deg_per_rt_h": 0.25,
+    },
+    "dvl": {
+        "file": "beams.parquet", "clock": {"column": "time_ns", "unit": "ns", "offset_s": 0.0},
+        "geometry": "dvl.toml", "beam_noise_mps": 0.008,
+    },
+    "depth": {
+        "file": "depth.parquet", "clock": {"column": "time_s", "unit": "s"}, "column": "depth_m", "up": False,
+        "sd_m": 0.03,
+    },
+    "attitude": {
+        "file": "ahrs.parquet", "clock": {"column": "time_s", "unit": "s"}, "roll": "roll_deg",
+        "pitch": "pitch_deg", "yaw": "heading_deg", "unit": "deg", "yaw_sd_deg": 1.0, "aids": "nothing",
+    },
+    "reference": {
+        "file": "reference.parquet", "clock": {"column": "time_s", "unit": "s"}, "north": "north", "east": "east",
+        "down": "down",
+    },
+    "start": {
+        "at_s": 15.0, "level": "given", "roll_deg": 0.0, "pitch_deg": 0.0, "level_sd_deg": 0.3, "heading": "given",
+        "heading_deg": 0.0, "heading_sd_deg": 2.0, "velocity": "beams", "velocity_mps": [0.0] * 3,
+        "position": "reference", "position_sd_m": [0.1] * 3,
+    },
+    "replay": {"methods": ["lc", "tc"], "smooth": False},
+})  # fmt: skip
+CASE_GEOMETRY = toml({
+    "": {
+        "configuration": "angles", "tilts_deg": [22.5] * 4, "azimuths_deg": [135.0, -135.0, -45.0, 45.0],
+        "beam_noise_mps": 0.008, "sound_speed_scale": 1.0, "mounting_roll_deg": 0.0, "mounting_pitch_deg": 0.0,
+        "mounting_yaw_deg": 0.0,
+    },
+})  # fmt: skip
 
 
 def beam_table(made: Dive) -> pl.DataFrame:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 if TYPE_CHECKING:
     from bottomlock._kernel import ScheduleDict
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 GRAVITY = 9.8
 LATITUDE_RAD = 0.5725
 EARTH_RATE = 7.292115e-5
+LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
 def table_2() -> Any:  # noqa: ANN401 - a dict, which a test may change
@@ -88,7 +90,7 @@ def options(*, exact: bool = False, **changed: Any) -> Any:  # noqa: ANN401 - a 
 
 
 def start(
-    velocity: Any = (0.0,) * 3, attitude: Any = (1.0, 0.0, 0.0, 0.0), position: Any = (0.0,) * 3
+    velocity: ArrayLike = (0.0,) * 3, attitude: ArrayLike = LEVEL, position: ArrayLike = (0.0,) * 3
 ) -> Any:  # noqa: ANN401
     """Of time 0; level, looking north, at rest and at the origin where nothing else is given."""
     return {"time_ns": 0, "position_t_m": position, "attitude_t_p": attitude, "velocity_p_mps": velocity}

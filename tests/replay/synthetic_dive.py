@@ -7,6 +7,7 @@ import polars as pl
 
 from tests.oracle import geodesy, truth
 from tests.oracle.rotations import Array, matrix_from_euler, matrix_from_quaternion
+from tests.toml_text import toml
 
 SECONDS, RATE_HZ, GRAVITY, LATITUDE_DEG, LONGITUDE_DEG = 60.0, 50.0, 9.8, 32.8, 35.0
 LEVER_DVL_M = np.array([-1.0, 0.2, 0.3])
@@ -15,79 +16,46 @@ MOUNTING_RPY_DEG = (2.0, -3.0, 40.0)
 IMU_MOUNTING_RPY_DEG = (0.0, 0.0, 90.0)
 DVL_CLOCK_S, REFERENCE_CLOCK_S = 7.25, -3.5
 
-CASE = """
-name = "synthetic"
-[origin]
-latitude_deg = 32.8
-longitude_deg = 35.0
-height_m = 12.0
-gravity = 9.8
-[imu]
-file = "imu.csv"
-clock = { column = "t_ms", unit = "ms" }
-force = ["fa", "fb", "fc"]
-force_unit = "mg"
-omega = ["ga", "gb", "gc"]
-omega_unit = "deg/s"
-axes = ["x", "-y", "z"]
-mounting_yaw_deg = 90.0
-[imu.errors]
-accel_bias_mg = 0.01
-gyro_bias_deg_per_h = 0.01
-accel_noise_mps_per_rt_h = 0.001
-gyro_noise_deg_per_rt_h = 0.001
-[dvl]
-source = "velocity"
-file = "dvl.parquet"
-clock = { column = "time", unit = "s", offset_s = -7.25 }
-velocity = ["u", "v", "w"]
-velocity_unit = "mm/s"
-axes = ["x", "-y", "-z"]
-velocity_scale = 1.01
-geometry = "dvl.toml"
-[dvl.errors]
-beam_bias_mps = 1e-4
-scale_factor_percent = 0.01
-[depth]
-file = "depth.csv"
-clock = { rate_hz = 4.0 }
-column = "altitude_cm"
-unit = "cm"
-up = true
-sd_m = 0.05
-offset_m = 12.0
-lever_arm_m = [0.0, 0.0, 0.0]
-[reference]
-file = "reference.csv"
-clock = { column = "t", unit = "s", offset_s = 3.5 }
-latitude = "lat"
-longitude = "lon"
-height = "height"
-lever_arm_m = [1.5, -0.1, -0.4]
-velocity_ned = ["vn", "ve", "vd"]
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-attitude_unit = "deg"
-[start]
-level = "reference"
-heading = "reference"
-position = "reference"
-velocity = "reference"
-position_sd_m = [0.0, 0.0, 0.0]
-level_sd_deg = 0.01
-heading_sd_deg = 0.01
-velocity_sd_mps = [0.01, 0.01, 0.01]
-"""
-GEOMETRY = """
-configuration = "x"
-tilt_deg = 25.0
-mounting_roll_deg = 2.0
-mounting_pitch_deg = -3.0
-mounting_yaw_deg = 40.0
-lever_arms_m = [[-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3]]
-beam_noise_mps = 0.005
-"""
+CASE = toml({
+    "": {"name": "synthetic"},
+    "origin": {"latitude_deg": 32.8, "longitude_deg": 35.0, "height_m": 12.0, "gravity": 9.8},
+    "imu": {
+        "file": "imu.csv", "clock": {"column": "t_ms", "unit": "ms"}, "force": ["fa", "fb", "fc"],
+        "force_unit": "mg", "omega": ["ga", "gb", "gc"], "omega_unit": "deg/s", "axes": ["x", "-y", "z"],
+        "mounting_yaw_deg": 90.0,
+    },
+    "imu.errors": {
+        "accel_bias_mg": 0.01, "gyro_bias_deg_per_h": 0.01, "accel_noise_mps_per_rt_h": 0.001,
+        "gyro_noise_deg_per_rt_h": 0.001,
+    },
+    "dvl": {
+        "source": "velocity", "file": "dvl.parquet", "clock": {"column": "time", "unit": "s", "offset_s": -7.25},
+        "velocity": ["u", "v", "w"], "velocity_unit": "mm/s", "axes": ["x", "-y", "-z"], "velocity_scale": 1.01,
+        "geometry": "dvl.toml",
+    },
+    "dvl.errors": {"beam_bias_mps": 0.0001, "scale_factor_percent": 0.01},
+    "depth": {
+        "file": "depth.csv", "clock": {"rate_hz": 4.0}, "column": "altitude_cm", "unit": "cm", "up": True,
+        "sd_m": 0.05, "offset_m": 12.0, "lever_arm_m": [0.0] * 3,
+    },
+    "reference": {
+        "file": "reference.csv", "clock": {"column": "t", "unit": "s", "offset_s": 3.5}, "latitude": "lat",
+        "longitude": "lon", "height": "height", "lever_arm_m": [1.5, -0.1, -0.4],
+        "velocity_ned": ["vn", "ve", "vd"], "roll": "roll", "pitch": "pitch", "yaw": "yaw", "attitude_unit": "deg",
+    },
+    "start": {
+        "level": "reference", "heading": "reference", "position": "reference", "velocity": "reference",
+        "position_sd_m": [0.0] * 3, "level_sd_deg": 0.01, "heading_sd_deg": 0.01, "velocity_sd_mps": [0.01] * 3,
+    },
+})  # fmt: skip
+GEOMETRY = toml({
+    "": {
+        "configuration": "x", "tilt_deg": 25.0, "mounting_roll_deg": 2.0, "mounting_pitch_deg": -3.0,
+        "mounting_yaw_deg": 40.0,
+        "lever_arms_m": [[-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3], [-1.0, 0.2, 0.3]],
+        "beam_noise_mps": 0.005,
+    },
+})  # fmt: skip
 
 
 def motion() -> dict[str, Array]:

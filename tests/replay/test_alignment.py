@@ -17,27 +17,17 @@ from bottomlock.replay.streams import Streams
 from tests.oracle.mechanisation import earth_rate_tangent
 from tests.oracle.rotations import Array, matrix_from_euler
 from tests.replay.test_replay_case import LEAST
+from tests.toml_text import toml
 
 ROLL, PITCH, YAW, LATITUDE, GRAVITY = 0.05, -0.08, 2.0, 0.57, 9.8
-SECTIONS = """
-[attitude]
-file = "a"
-clock = { column = "t" }
-roll = "r"
-pitch = "p"
-yaw = "y"
-[magnetometer]
-file = "m"
-clock = { column = "t" }
-field = ["x", "y", "z"]
-declination_deg = 4.0
-heading_sd_deg = 3.0
-[gps]
-file = "g"
-clock = { column = "t" }
-north = "n"
-east = "e"
-"""
+SECTIONS = toml({
+    "attitude": {"file": "a", "clock": {"column": "t"}, "roll": "r", "pitch": "p", "yaw": "y"},
+    "magnetometer": {
+        "file": "m", "clock": {"column": "t"}, "field": ["x", "y", "z"], "declination_deg": 4.0,
+        "heading_sd_deg": 3.0,
+    },
+    "gps": {"file": "g", "clock": {"column": "t"}, "north": "n", "east": "e"},
+})  # fmt: skip
 
 
 def case(start: str, *, gyro_bias: float = 0.01) -> Case:

@@ -16,6 +16,7 @@ from bottomlock.replay.case import parse_case
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.replay.undiagnosed import replay_undiagnosed
+from tests.toml_text import toml
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -35,64 +36,6 @@ WORLDS = {
     },
 }  # fmt: skip
 """IMU of the survey scenario, fibre-optic, and one of the MTi class with vibration: keys of [imu]."""
-
-CASE = """
-name = "floor"
-[origin]
-latitude_deg = 32.8
-[imu]
-file = "imu.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-force = ["force_x_mps2", "force_y_mps2", "force_z_mps2"]
-omega = ["omega_x_radps", "omega_y_radps", "omega_z_radps"]
-sampling = "averaged"
-[imu.errors]
-{imu}
-[dvl]
-file = "beams.parquet"
-geometry = "dvl.toml"
-[dvl.errors]
-beam_bias_mps = 0.002
-scale_factor_percent = 0.4
-[depth]
-file = "depth.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-column = "depth_m"
-sd_m = 0.02
-[attitude]
-file = "attitude.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-roll = "roll_rad"
-pitch = "pitch_rad"
-yaw = "yaw_rad"
-aids = "attitude"
-roll_pitch_sd_deg = 0.1
-yaw_sd_deg = 0.2
-{slow}
-[reference]
-file = "truth.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-north = "north_m"
-east = "east_m"
-down = "down_m"
-velocity_body = ["surge_mps", "sway_mps", "heave_mps"]
-[start]
-at_s = 4.0
-level = "attitude"
-heading = "attitude"
-velocity = "reference"
-velocity_sd_mps = [0.05, 0.05, 0.05]
-position = "reference"
-position_sd_m = [0.1, 0.1, 0.1]
-[replay]
-methods = {methods}
-smooth = false
-"""
-
-
-def keys(values: dict[str, float]) -> str:
-    """Keys of a TOML table."""
-    return "\n".join(f"{key} = {value!r}" for key, value in values.items())
 
 
 def scores(world: str, runs: int, folder: Path) -> pl.DataFrame:
@@ -117,7 +60,36 @@ def scores(world: str, runs: int, folder: Path) -> pl.DataFrame:
     pl.DataFrame(columns).gather_every(100).write_parquet(folder / "truth.parquet")
     (folder / "dvl.toml").write_text(geometry_file(scenario.dvl), encoding="utf-8")
     errors = {key: getattr(imu, key) for key in type(imu).model_fields if key.startswith(("accel_", "gyro_"))}
-    text = CASE.format(imu=keys(errors), slow=keys(SLOW), methods=list(TRUSTED)).replace("'", '"')
+    text = toml({
+        "": {"name": "floor"},
+        "origin": {"latitude_deg": 32.8},
+        "imu": {
+            "file": "imu.parquet", "clock": {"column": "time_ns", "unit": "ns"},
+            "force": ["force_x_mps2", "force_y_mps2", "force_z_mps2"],
+            "omega": ["omega_x_radps", "omega_y_radps", "omega_z_radps"], "sampling": "averaged",
+        },
+        "imu.errors": errors,
+        "dvl": {"file": "beams.parquet", "geometry": "dvl.toml"},
+        "dvl.errors": {"beam_bias_mps": 0.002, "scale_factor_percent": 0.4},
+        "depth": {
+            "file": "depth.parquet", "clock": {"column": "time_ns", "unit": "ns"}, "column": "depth_m",
+            "sd_m": 0.02,
+        },
+        "attitude": {
+            "file": "attitude.parquet", "clock": {"column": "time_ns", "unit": "ns"}, "roll": "roll_rad",
+            "pitch": "pitch_rad", "yaw": "yaw_rad", "aids": "attitude", "roll_pitch_sd_deg": 0.1,
+            "yaw_sd_deg": 0.2, **SLOW,
+        },
+        "reference": {
+            "file": "truth.parquet", "clock": {"column": "time_ns", "unit": "ns"}, "north": "north_m",
+            "east": "east_m", "down": "down_m", "velocity_body": ["surge_mps", "sway_mps", "heave_mps"],
+        },
+        "start": {
+            "at_s": 4.0, "level": "attitude", "heading": "attitude", "velocity": "reference",
+            "velocity_sd_mps": [0.05] * 3, "position": "reference", "position_sd_m": [0.1] * 3,
+        },
+        "replay": {"methods": TRUSTED, "smooth": False},
+    })  # fmt: skip
     case = parse_case(text, place="floor", folder=folder)
     rows: list[pl.DataFrame] = []
     for run in range(runs):

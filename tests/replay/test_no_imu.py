@@ -21,46 +21,28 @@ from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.recorded_dives import stpere
 from tests.replay.test_water_track import CASE as WITH_IMU
+from tests.toml_text import toml
 
-CASE = """
-name = "no_imu"
-[origin]
-latitude_deg = 45.0
-[imu]
-source = "attitude"
-[dvl]
-file = "beams.csv"
-geometry = "waterlinked_a50"
-clock = { column = "time_ns", unit = "ns" }
-[dvl.errors]
-beam_bias_mps = 0.0
-scale_factor_percent = 0.0
-[depth]
-file = "depth.csv"
-clock = { column = "time" }
-column = "depth"
-sd_m = 0.02
-[attitude]
-file = "ahrs.csv"
-clock = { column = "time" }
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-roll_pitch_sd_deg = 0.3
-yaw_sd_deg = 0.5
-"""
+CASE = toml({
+    "": {"name": "no_imu"},
+    "origin": {"latitude_deg": 45.0},
+    "imu": {"source": "attitude"},
+    "dvl": {"file": "beams.csv", "geometry": "waterlinked_a50", "clock": {"column": "time_ns", "unit": "ns"}},
+    "dvl.errors": {"beam_bias_mps": 0.0, "scale_factor_percent": 0.0},
+    "depth": {"file": "depth.csv", "clock": {"column": "time"}, "column": "depth", "sd_m": 0.02},
+    "attitude": {
+        "file": "ahrs.csv", "clock": {"column": "time"}, "roll": "roll", "pitch": "pitch", "yaw": "yaw",
+        "roll_pitch_sd_deg": 0.3, "yaw_sd_deg": 0.5,
+    },
+})  # fmt: skip
 CASE += WITH_IMU[WITH_IMU.index("[reference]") : WITH_IMU.index("[start]")]
-CASE += """[start]
-at_s = 1.0
-level = "attitude"
-heading = "attitude"
-velocity = "beams"
-position = "reference"
-position_sd_m = [0.05, 0.05, 0.05]
-[replay]
-methods = ["lc", "tc", "weak_sway", "sway_current"]
-smooth = false
-"""
+CASE += toml({
+    "start": {
+        "at_s": 1.0, "level": "attitude", "heading": "attitude", "velocity": "beams", "position": "reference",
+        "position_sd_m": [0.05] * 3,
+    },
+    "replay": {"methods": ["lc", "tc", "weak_sway", "sway_current"], "smooth": False},
+})  # fmt: skip
 WHAT_IFS = """
 [[what_if]]
 name = "lost_4"

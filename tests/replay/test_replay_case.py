@@ -6,26 +6,18 @@ import pytest
 
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case, parse_case
+from tests.toml_text import toml
 
-LEAST = """
-name = "dive"
-[imu]
-file = "imu.csv"
-clock = { column = "t" }
-force = ["ax", "ay", "az"]
-omega = ["wx", "wy", "wz"]
-[imu.errors]
-accel_bias_mg = 0.5
-gyro_bias_deg_per_h = 3.0
-accel_noise_mps_per_rt_h = 0.07
-gyro_noise_deg_per_rt_h = 0.3
-[dvl]
-file = "beams.parquet"
-geometry = "x_janus_20"
-[start]
-heading = "gyrocompass"
-position_sd_m = [1.0, 1.0, 1.0]
-"""
+LEAST = toml({
+    "": {"name": "dive"},
+    "imu": {"file": "imu.csv", "clock": {"column": "t"}, "force": ["ax", "ay", "az"], "omega": ["wx", "wy", "wz"]},
+    "imu.errors": {
+        "accel_bias_mg": 0.5, "gyro_bias_deg_per_h": 3.0, "accel_noise_mps_per_rt_h": 0.07,
+        "gyro_noise_deg_per_rt_h": 0.3,
+    },
+    "dvl": {"file": "beams.parquet", "geometry": "x_janus_20"},
+    "start": {"heading": "gyrocompass", "position_sd_m": [1.0] * 3},
+})  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -21,55 +21,33 @@ from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.replay.undiagnosed import replay_undiagnosed
+from tests.toml_text import toml
 
 CURRENT = np.array([0.25, -0.15, 0.0])
-CASE = """
-name = "water"
-[origin]
-latitude_deg = 45.0
-[imu]
-file = "imu.csv"
-clock = { column = "time" }
-force = ["fx", "fy", "fz"]
-omega = ["wx", "wy", "wz"]
-[imu.errors]
-accel_bias_mg = 1.0
-gyro_bias_deg_per_h = 30.0
-accel_noise_mps_per_rt_h = 0.05
-gyro_noise_deg_per_rt_h = 0.3
-[dvl]
-file = "beams.parquet"
-geometry = "waterlinked_a50"
-[dvl.errors]
-beam_bias_mps = 0.0
-scale_factor_percent = 0.0
-[water_track]
-noise_mps = 0.02
-[reference]
-file = "truth.csv"
-clock = { column = "time" }
-north = "north"
-east = "east"
-down = "down"
-velocity_body = ["u", "v", "w"]
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-[start]
-level = "reference"
-level_sd_deg = 0.5
-heading = "reference"
-heading_sd_deg = 0.5
-velocity = "reference"
-position = "reference"
-position_sd_m = [0.05, 0.05, 0.05]
-[replay]
-methods = ["ins", "tc", "sway_current"]
-smooth = false
-[[what_if]]
-name = "hidden"
-outages = [{ beams = [1, 2, 3, 4], from_s = 60.0, to_s = 200.0 }]
-"""
+CASE = toml({
+    "": {"name": "water"},
+    "origin": {"latitude_deg": 45.0},
+    "imu": {
+        "file": "imu.csv", "clock": {"column": "time"}, "force": ["fx", "fy", "fz"], "omega": ["wx", "wy", "wz"],
+    },
+    "imu.errors": {
+        "accel_bias_mg": 1.0, "gyro_bias_deg_per_h": 30.0, "accel_noise_mps_per_rt_h": 0.05,
+        "gyro_noise_deg_per_rt_h": 0.3,
+    },
+    "dvl": {"file": "beams.parquet", "geometry": "waterlinked_a50"},
+    "dvl.errors": {"beam_bias_mps": 0.0, "scale_factor_percent": 0.0},
+    "water_track": {"noise_mps": 0.02},
+    "reference": {
+        "file": "truth.csv", "clock": {"column": "time"}, "north": "north", "east": "east", "down": "down",
+        "velocity_body": ["u", "v", "w"], "roll": "roll", "pitch": "pitch", "yaw": "yaw",
+    },
+    "start": {
+        "level": "reference", "level_sd_deg": 0.5, "heading": "reference", "heading_sd_deg": 0.5,
+        "velocity": "reference", "position": "reference", "position_sd_m": [0.05] * 3,
+    },
+    "replay": {"methods": ["ins", "tc", "sway_current"], "smooth": False},
+    "what_if": [{"name": "hidden", "outages": [{"beams": [1, 2, 3, 4], "from_s": 60.0, "to_s": 200.0}]}],
+})  # fmt: skip
 
 
 def water_of(dive: Dive, seed: int = 1) -> WaterTable:

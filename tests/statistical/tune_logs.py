@@ -1,5 +1,6 @@
 """Logs with known noise for the tests of `bottomlock tune`: arrays as the kernel takes them, and case folders."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from bottomlock.kernel.models import (
     Model,
 )
 from bottomlock.recordings.axes import from_angles, from_quaternions, to_angles
+from tests.toml_text import toml
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
 TILT_RAD = np.deg2rad(30.0)
@@ -168,58 +170,6 @@ def model(noise: Mapping[str, float]) -> Model:
     )
 
 
-CASE = """# a dive whose noise is known
-name = "known"
-
-[origin]
-latitude_deg = {latitude_deg}
-gravity = 9.8
-
-[imu]
-file = "imu.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-force = ["fx", "fy", "fz"]
-omega = ["wx", "wy", "wz"]
-sampling = "averaged"
-
-[imu.errors]
-accel_bias_mg = {accel_bias_mg}
-gyro_bias_deg_per_h = {gyro_bias_deg_per_h}
-accel_noise_mps_per_rt_h = {accel_noise}  # guessed
-gyro_noise_deg_per_rt_h = {gyro_noise}  # guessed
-
-[dvl]
-file = "beams.parquet"
-geometry = "dvl.toml"
-beam_noise_mps = {beam_noise}
-
-[dvl.errors]
-beam_bias_mps = {beam_bias}
-beam_bias_walk_mps_per_rt_s = 0.0
-scale_factor_percent = {scale_percent}
-scale_factor_walk_percent_per_rt_s = 0.0
-
-[attitude]
-file = "attitude.parquet"
-clock = {{ column = "time_ns", unit = "ns" }}
-roll = "roll"
-pitch = "pitch"
-yaw = "yaw"
-aids = "attitude"
-roll_pitch_sd_deg = {tilt_deg}
-yaw_sd_deg = {yaw_deg}
-
-[start]
-at_s = 2.0
-level = "attitude"
-heading = "attitude"
-position_sd_m = [0.0, 0.0, 0.0]
-velocity = "beams"
-
-[replay]
-methods = ["tc"]
-smooth = false
-"""
 ACCEL_KEY, GYRO_KEY = "imu.errors.accel_noise_mps_per_rt_h", "imu.errors.gyro_noise_deg_per_rt_h"
 BEAM_KEY = "dvl.beam_noise_mps"
 
@@ -256,18 +206,35 @@ def write_case(folder: Path, dived: Dive, factors: Mapping[str, float] | None = 
     (folder / "dvl.toml").write_text(
         f'configuration = "x"\ntilt_deg = 30.0\nbeam_noise_mps = {noise["beam_noise"]}\n', encoding="utf-8"
     )
-    text = CASE.format(
-        latitude_deg=np.rad2deg(LATITUDE_RAD),
-        accel_bias_mg=noise["accel_bias"] / 9.80665e-3,
-        gyro_bias_deg_per_h=np.rad2deg(noise["gyro_bias"]) * 3600.0,
-        accel_noise=values[ACCEL_KEY],
-        gyro_noise=values[GYRO_KEY],
-        beam_noise=values[BEAM_KEY],
-        beam_bias=noise["beam_bias"],
-        scale_percent=100.0 * noise["scale"],
-        tilt_deg=np.rad2deg(noise["tilt"]),
-        yaw_deg=np.rad2deg(noise["yaw"]),
-    )
+    text = toml({
+        "": {"name": "known"},
+        "origin": {"latitude_deg": np.rad2deg(LATITUDE_RAD), "gravity": 9.8},
+        "imu": {
+            "file": "imu.parquet", "clock": {"column": "time_ns", "unit": "ns"}, "force": ["fx", "fy", "fz"],
+            "omega": ["wx", "wy", "wz"], "sampling": "averaged",
+        },
+        "imu.errors": {
+            "accel_bias_mg": noise["accel_bias"] / 9.80665e-3,
+            "gyro_bias_deg_per_h": np.rad2deg(noise["gyro_bias"]) * 3600.0,
+            "accel_noise_mps_per_rt_h": values[ACCEL_KEY], "gyro_noise_deg_per_rt_h": values[GYRO_KEY],
+        },
+        "dvl": {"file": "beams.parquet", "geometry": "dvl.toml", "beam_noise_mps": values[BEAM_KEY]},
+        "dvl.errors": {
+            "beam_bias_mps": noise["beam_bias"], "beam_bias_walk_mps_per_rt_s": 0.0,
+            "scale_factor_percent": 100.0 * noise["scale"], "scale_factor_walk_percent_per_rt_s": 0.0,
+        },
+        "attitude": {
+            "file": "attitude.parquet", "clock": {"column": "time_ns", "unit": "ns"}, "roll": "roll",
+            "pitch": "pitch", "yaw": "yaw", "aids": "attitude", "roll_pitch_sd_deg": np.rad2deg(noise["tilt"]),
+            "yaw_sd_deg": np.rad2deg(noise["yaw"]),
+        },
+        "start": {
+            "at_s": 2.0, "level": "attitude", "heading": "attitude", "position_sd_m": [0.0] * 3,
+            "velocity": "beams",
+        },
+        "replay": {"methods": ["tc"], "smooth": False},
+    })  # fmt: skip
+    text = re.sub(r"(?m)^(\w+_noise_\w+_per_rt_h = .*)$", r"\1  # guessed", text)
     path = folder / "case.toml"
     path.write_text(text, encoding="utf-8")
     return path
