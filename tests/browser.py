@@ -1,16 +1,12 @@
 """A headless Chromium by its debugging pipe: pages at given widths, in light and dark and on paper.
 
-For tests, which skip where there is no Chromium; by hand, pictures to look at:
-
-    python -m tests.browser out/report.html /tmp/shots
+Tests skip where there is no Chromium.
 """
 
-import base64
 import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -162,18 +158,6 @@ class Browser:
         nodes: list[dict[str, Any]] = self._call("Accessibility.getFullAXTree")["nodes"]
         return nodes
 
-    def pictures(self, folder: Path, name: str, *, screen: int = 1600, most: int = 12) -> None:
-        """Writes PNGs of the page from its top, a screen each, at most so many."""
-        width, height = self.value("innerWidth"), self.value("document.documentElement.scrollHeight")
-        for number, top in enumerate(range(0, height, screen)[:most], start=1):
-            clip = {"x": 0, "y": top, "width": width, "height": min(screen, height - top), "scale": 1}
-            shot = self._call("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
-            (folder / f"{name}_{number}.png").write_bytes(base64.b64decode(shot["data"]))
-
-    def pdf(self, path: Path) -> None:
-        """Writes the page as it is printed."""
-        path.write_bytes(base64.b64decode(self._call("Page.printToPDF", printBackground=False)["data"]))
-
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
         self._sent += 1
         message: dict[str, Any] = {"id": self._sent, "method": method, "params": parameters}
@@ -200,21 +184,3 @@ class Browser:
         if answer.get("method") == "Network.requestWillBeSent":
             self._asked.append(answer["params"]["request"]["url"])
         return answer
-
-
-def main(page: Path, folder: Path) -> None:
-    """Writes pictures at every width, light and dark, and the page on paper; prints what does not fit."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with Browser() as browser:
-        for width in WIDTHS:
-            browser.open(page)
-            browser.size(width)
-            for dark in (False, True):
-                browser.media(dark=dark)
-                browser.pictures(folder, f"{page.stem}_{width}_{'dark' if dark else 'light'}")
-            sys.stdout.write(f"{width}: {browser.value(CUT_OFF) or 'everything fits'}\n")
-        browser.pdf(folder / f"{page.stem}.pdf")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -129,17 +129,6 @@ def test_tum_and_places_agree_with_the_csv(dive: tuple[Path, list[Sent]]) -> Non
     assert places["properties"]["coordinateProperties"]["times"] == [row["utc"] for row in rows]
 
 
-def test_gdal_reads_the_same_points(dive: tuple[Path, list[Sent]]) -> None:
-    """The reader of QGIS: lines of GeoJSON and KML with times."""
-    raw = pytest.importorskip("pyogrio.raw", reason="pyogrio is not installed: pip install pyogrio")
-    shapely = pytest.importorskip("shapely", reason="shapely is not installed: pip install shapely")
-    log, _ = dive
-    expected = [numbers(row, ["longitude_deg", "latitude_deg", "height_m"]) for row in rows_of(log)]
-    for name in ("tracks.geojson", "tracks.kml"):
-        _, _, shapes, _ = raw.read(exported(log, name))
-        assert shapely.get_coordinates(shapely.from_wkb(shapes), include_z=True).tolist() == expected
-
-
 def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, list[Sent]]) -> None:
     log, sent = dive
     path = exported(log, "tracks.mcap")

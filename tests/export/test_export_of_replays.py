@@ -25,7 +25,6 @@ from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import replay_case, write_replay
 from bottomlock.tables.replay import ReplayTables
 from tests.cli.calls import command
-from tests.export.evo_command import ape
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.dive_tables import dive_tables
@@ -102,14 +101,6 @@ def test_tum_is_east_north_up_with_the_attitude_of_the_vehicle(folder: Path) -> 
     np.testing.assert_allclose(mine[:, :, 2], -R[:, :, 2], atol=1e-3)
     assert np.ptp(mine[:, 0, 0]) > 0.1  # the vehicle turns
     np.testing.assert_array_equal(np.loadtxt(folder / "export/reference.tum")[:, 4:], [[0, 0, 0, 1]] * 61)
-
-
-def test_evo_reads_tum_and_finds_the_error_of_the_replay(folder: Path, tmp_path: Path) -> None:
-    found = ape(folder / "export/reference.tum", folder / "export/outage_tc.tum", tmp_path)
-    rows = rows_of(folder, "outage_tc")
-    error = np.linalg.norm([rows[f"err_position_{axis}_m"] for axis in ("north", "east", "down")], axis=0)
-    # The reference is up to one reading earlier, for which the replay propagates the estimate back.
-    np.testing.assert_allclose(found, np.sqrt(np.mean(error**2)), rtol=0.05)
 
 
 def test_kml_and_geojson_without_utc_are_lines_to_the_last_bit(folder: Path) -> None:

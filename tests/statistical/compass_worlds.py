@@ -1,10 +1,5 @@
-"""Worlds whose magnetic compass deviates with heading, by two sigma of the deviation that is claimed.
+"""Worlds whose magnetic compass deviates with heading, by two sigma of the deviation that is claimed."""
 
-`python -m tests.statistical.compass_worlds` prints every world: as it is, without inflation, by dead reckoning.
-"""
-
-import argparse
-import sys
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -170,45 +165,3 @@ def track(error_m: Array, cov_m2: Array) -> Track:
         sd_m=float(np.sqrt(np.trace(cov_m2))),
         nees=float(error_m @ np.linalg.solve(cov_m2, error_m)),
     )
-
-
-def main() -> None:
-    """Prints mean error over mean sigma, m, and mean NEES of every world over its runs."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--methods", nargs="+", default=["tc"])
-    parser.add_argument("--heading", type=float, default=0.0)
-    parser.add_argument("--without", action="store_true", help="also without inflation and by dead reckoning")
-    parser.add_argument("--worlds", default="", help="those whose name has this")
-    parser.add_argument("--surprised", action="store_true", help="claimed as a grade without deviation")
-    given = parser.parse_args()
-    for name, world in WORLDS.items():
-        if given.worlds not in name:
-            continue
-        of_runs = [
-            readings(
-                World(**(vars(world) | {"heading_deg": given.heading})),
-                run,
-                SURPRISED if given.surprised else CLAIMED,
-            )
-            for run in range(given.runs)
-        ]
-        columns = {method: [filtered(read, method, 5) for read in of_runs] for method in given.methods}
-        if given.without:
-            columns |= {
-                f"{method} never": [filtered(read, method, 0) for read in of_runs] for method in given.methods
-            }
-            if len(world.beams) > 2:
-                columns["dead reckoning"] = [reckoned(read) for read in of_runs]
-        sys.stdout.write(f"{name}\n")
-        for column, tracks in columns.items():
-            error, sd, nees = np.mean([(one.error_m, one.sd_m, one.nees) for one in tracks], axis=0)
-            worst = max(one.error_m for one in tracks)
-            sys.stdout.write(
-                f"  {column:15} {error:6.2f} / {sd:5.2f} m   NEES {nees:6.2f}   worst {worst:.1f} m\n"
-            )
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main()
