@@ -91,8 +91,8 @@ JUDGED: list[tuple[str, Any, Any, dict[str, Any], float | None, str]] = [
 def test_a_verdict_follows_the_data(
     tmp_path: Path,
     claim: str,
-    velocity: Any,
-    attitude: Any,
+    velocity: dict[tuple[str, str], Any],
+    attitude: dict[tuple[str, str], Any],
     how: dict[str, Any],
     ours: float | None,
     verdict: str,
