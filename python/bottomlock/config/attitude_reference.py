@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from bottomlock import units
-from bottomlock.config.instrument_grades import Graded
+from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.section import Mounting, SensorErrors, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
@@ -36,9 +36,9 @@ class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
     """
 
     of_grade = ("attitude", "grade")
-    grade: Annotated[str | None, shown(example="mti_ahrs")] = None
-    """packaged grade that gives the standard deviations and the walk time left out here: magnetic, mti_ahrs,
-    gyrocompass; bottomlock list grades lists them"""
+    grade: Annotated[str | None, shown(range=one_of("attitude"), example="mti_ahrs")] = None
+    """packaged grade that gives the standard deviations and the walk time left out here; bottomlock list grades lists
+    them"""
     frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
     """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
     yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0

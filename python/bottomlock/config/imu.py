@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from bottomlock import units
-from bottomlock.config.instrument_grades import Graded
+from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.section import Section, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
@@ -19,9 +19,8 @@ class ImuErrors(Graded, Section, kernel=models.ImuModel):
     """Errors of inertial sensors, 1 sigma; those of a packaged grade where `grade` names one and a key is left out."""
 
     of_grade = ("imu", "grade")
-    grade: Annotated[str | None, shown(example="mti")] = None
-    """packaged grade that gives the keys left out here: phone, autopilot, mti, tactical, fibre_optic, ring_laser;
-    bottomlock list grades lists them"""
+    grade: Annotated[str | None, shown(range=one_of("imu"), example="mti")] = None
+    """packaged grade that gives the keys left out here; bottomlock list grades lists them"""
     accel_bias_mg: Annotated[NonNegative, shown(example=0.5)]
     gyro_bias_deg_per_h: Annotated[NonNegative, shown(example=3.0)]
     accel_noise_mps_per_rt_h: Annotated[NonNegative, shown(example=0.072)]

@@ -20,7 +20,6 @@ KINDS: dict[Kind, str] = {
     "attitude": "attitude and heading references, 1 sigma per axis",
     "water": "motion through the water by vehicle, 1 sigma",
 }
-FULL_SCALES = ("max_rate_deg_per_s", "max_force_mps2")
 _WORDS = ("title", "source", "derived")
 
 
@@ -30,8 +29,8 @@ class Grade:
 
     Attributes:
         name, title: as files name it, and what it is.
-        keys: keys of a case or scenario with their values, in the units of their names; 1 sigma.
-        full_scales: of an IMU, as `[imu.limits]` takes them; empty for an attitude reference.
+        keys: keys of a case or scenario with their values, in the units of their names; 1 sigma, and the full scales of
+            an IMU, which a section does not take.
         source: data sheet or paper.
         derived: what the source does not state, and how it was found.
     """
@@ -39,7 +38,6 @@ class Grade:
     name: str
     title: str
     keys: Mapping[str, float]
-    full_scales: Mapping[str, float]
     source: str
     derived: str
 
@@ -54,8 +52,7 @@ def grades(kind: Kind) -> dict[str, Grade]:
     found = {}
     for name, entry in parse_toml(packaged_text("grades", kind), place=f"{kind}.toml").items():
         numbers = {key: float(value) for key, value in entry.items() if key not in _WORDS}
-        scales = {key: numbers.pop(key) for key in FULL_SCALES if key in numbers}
-        found[name] = Grade(name, entry["title"], numbers, scales, entry["source"], entry["derived"])
+        found[name] = Grade(name, entry["title"], numbers, entry["source"], entry["derived"])
     return found
 
 
@@ -69,10 +66,15 @@ def grade_of(kind: Kind, name: str) -> Grade:
     if name not in known:
         what = "vehicle" if kind == "water" else "grade"
         raise ScenarioError(
-            f"{what} is '{name}'{did_you_mean(name, known) or ','} expected one of {', '.join(known)}",
+            f"{what} is '{name}'{did_you_mean(name, known) or ','} expected {one_of(kind)}",
             hint="bottomlock list grades lists them",
         )
     return known[name]
+
+
+def one_of(kind: Kind) -> str:
+    """The packaged grades in words, for the key that names one."""
+    return f"one of {', '.join(grades(kind))}"
 
 
 def imu(name: str) -> models.ImuModel:
@@ -89,7 +91,7 @@ def imu(name: str) -> models.ImuModel:
 
 
 def vehicle_water(name: str) -> models.Water:
-    """Prior of the motion through the water of a kind of vehicle: torpedo, hovering, glider or surface.
+    """Prior of the motion through the water of a kind of vehicle, a packaged one of `bottomlock list grades`.
 
     Raises:
         ScenarioError: for an unknown name.
@@ -118,7 +120,7 @@ class Graded(BaseModel):
             own = grade_of(kind, str(content[key])).keys
         except ScenarioError as error:
             raise ValueError(str(error)) from None
-        filled = handler({**own, **content})
+        filled = handler({key: value for key, value in own.items() if key in cls.model_fields} | content)
         object.__setattr__(filled, "__pydantic_fields_set__", set(content) & set(cls.model_fields))
         return filled
 
@@ -127,7 +129,7 @@ def listing(kind: Kind) -> Iterator[str]:
     """Lines that describe every grade of a kind."""
     for one in grades(kind).values():
         yield f"{one.name}: {one.title}"
-        values = [f"{key} = {value:g}" for key, value in {**one.keys, **one.full_scales}.items()]
+        values = [f"{key} = {value:g}" for key, value in one.keys.items()]
         for first in range(0, len(values), 2):
             yield "    " + "; ".join(values[first : first + 2])
         yield f"  source: {one.source}"

@@ -210,16 +210,8 @@ class Scenario(SensorSections):
             raise ScenarioError(
                 f"methods is {methods!r:.60}", place=f"scenario {self.name}", expected="a list of methods"
             )
-        change: dict[str, Any] = {
-            "runs": runs,
-            "seed": seed,
-            "methods": None if methods is None else tuple(methods),
-        }
-        content = self.campaign.model_dump() | {
-            key: value for key, value in change.items() if value is not None
-        }
-        campaign = checked(Campaign, content, f"scenario {self.name}: campaign")
-        return self.model_copy(update={"campaign": campaign})
+        change = {"runs": runs, "seed": seed, "methods": None if methods is None else tuple(methods)}
+        return self.replace({f"campaign.{key}": value for key, value in change.items() if value is not None})
 
     def with_trajectory(self, **change: Any) -> Self:  # noqa: ANN401 - any key of the section
         """The scenario with other keys under `[trajectory]`; a change of source drops the keys of the old one.

@@ -12,7 +12,7 @@ from pydantic import (
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.dvl_errors import DvlErrors
-from bottomlock.config.instrument_grades import Graded
+from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.section import Earth, Outliers, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
@@ -139,9 +139,8 @@ class Water(Graded, models.Water):
 
     of_grade = ("water", "vehicle")
     beside = frozenset({"vehicle"})
-    vehicle: Annotated[str | None, shown(example="hovering")] = None
-    """kind of vehicle that gives the keys left out here: torpedo, hovering, glider, surface; bottomlock list grades
-    lists them"""
+    vehicle: Annotated[str | None, shown(range=one_of("water"), example="hovering")] = None
+    """kind of vehicle that gives the keys left out here; bottomlock list grades lists them"""
 
 
 _OPTIONS: Final = models.Options()
