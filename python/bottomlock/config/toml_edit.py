@@ -12,8 +12,8 @@ MARK = " | "
 """Between a remark and the user's own comment."""
 _TABLE = re.compile(r"^\s*\[\s*([A-Za-z0-9_.\-]+)\s*\]\s*(#.*)?$")
 _ARRAY = re.compile(r"^\s*\[\[")
-_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)([^#\"'\[{]*?)(\s*)(#.*)?$")
-_BRACES = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)\{([^{}#]*)\}(\s*)(#.*)?$")
+_KEY = re.compile(r"^(\s*)([A-Za-z0-9_.\-]+)(\s*=\s*)(\{[^{}#]*\}|[^#\"'\[{]*?)(\s*)(#.*)?$")
+"""A key with its value, a plain one or braces without braces in them, and a comment."""
 
 
 def edited(text: str, values: Mapping[str, float], remarks: Mapping[str, str], *, place: str) -> str:
@@ -45,15 +45,18 @@ def _with_key(lines: list[str], key: str, value: str, remark: str) -> list[str]:
             current = "[]"
         elif match := _TABLE.match(line):
             current = match[1]
-        elif (match := _KEY.match(line)) and f"{current}.{match[2]}".lstrip(".") == key:
-            own = _own_comment(match[6], remark)
-            new = f"{match[1]}{match[2]}{match[3]}{value}  # {remark}{own}"
-            return [*lines[:row], new, *lines[row + 1 :]]
-        elif (match := _BRACES.match(line)) and f"{current}.{match[2]}".lstrip(".") == table:
-            own = _own_comment(match[6], remark)
-            inside = _in_braces(match[4], name, value)
-            new = f"{match[1]}{match[2]}{match[3]}{{ {inside} }}  # {remark}{own}"
-            return [*lines[:row], new, *lines[row + 1 :]]
+        elif match := _KEY.match(line):
+            found, here = f"{current}.{match[2]}".lstrip("."), match[4]
+            new = value if found == key else ""
+            if found == table and here.startswith("{"):
+                new = f"{{ {_in_braces(here[1:-1], name, value)} }}"
+            if new:
+                own = _own_comment(match[6], remark)
+                return [
+                    *lines[:row],
+                    f"{match[1]}{match[2]}{match[3]}{new}  # {remark}{own}",
+                    *lines[row + 1 :],
+                ]
         if current == table and line.strip() and not line.lstrip().startswith("#"):
             end = row + 1
     new = f"{name} = {value}  # {remark}"
@@ -64,15 +67,8 @@ def _with_key(lines: list[str], key: str, value: str, remark: str) -> list[str]:
 
 def _in_braces(inside: str, name: str, value: str) -> str:
     """What an inline table has in its braces, with a key's value."""
-    parts = [part.strip() for part in inside.split(",") if part.strip()]
-    new = f"{name} = {value}"
-    is_it = [part.partition("=")[0].strip() == name for part in parts]
-    return ", ".join(
-        [
-            *(new if its else part for its, part in zip(is_it, parts, strict=True)),
-            *([] if any(is_it) else [new]),
-        ]
-    )
+    parts = {part.partition("=")[0].strip(): part.strip() for part in inside.split(",") if part.strip()}
+    return ", ".join((parts | {name: f"{name} = {value}"}).values())
 
 
 def _own_comment(comment: str | None, remark: str) -> str:

@@ -1,7 +1,6 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -24,23 +23,6 @@ _UNPARSED = ", unable to parse string as a number"
 """What pydantic adds of a text in place of a number, which says no more."""
 
 
-@dataclass(frozen=True)
-class Fault:
-    """A fault of a settings file.
-
-    Attributes:
-        key: with its sections; "" for a fault of the whole.
-        words: key, value found, what was expected, unit, likely mistake in one line.
-        expected: what was expected.
-        hint: the likely mistake; "" for none.
-    """
-
-    key: str
-    words: str
-    expected: str = ""
-    hint: str = ""
-
-
 def _missing(key: str, section: type[BaseModel]) -> str:
     """What is expected of a missing key: type, unit, range, meaning; of a section its own required keys."""
     name = key.rpartition(".")[2]
@@ -61,7 +43,7 @@ def _missing(key: str, section: type[BaseModel]) -> str:
     return f"{kind}{unit}{span}: {found.meaning}".replace("one of,", "one of")
 
 
-def _unknown(key: str, model: type[BaseModel], section: type[BaseModel]) -> Fault:
+def _unknown(key: str, model: type[BaseModel], section: type[BaseModel]) -> ScenarioError:
     """The nearest key of the section, or the section that has the very key."""
     own, _, name = key.rpartition(".")
     known = list(section.model_fields)
@@ -71,44 +53,43 @@ def _unknown(key: str, model: type[BaseModel], section: type[BaseModel]) -> Faul
         place for place, one in section_paths(model) if place not in {"", own} and name in one.model_fields
     ]
     if close and (not elsewhere or nearest(name, [close], alike=0.8)):
-        return _unknown_with(key, known, f", did you mean '{close}'?")
-    if elsewhere:
+        hint = f"did you mean '{close}'?"
+    else:
         places = " or ".join(f"[{place}]" for place in dict.fromkeys(elsewhere[:3]))
-        return _unknown_with(key, known, f", '{name}' is a key of {places}")
-    return Fault(key, f"unknown key '{key}' (known: {', '.join(known)})", f"one of {', '.join(known)}")
+        hint = f"'{name}' is a key of {places}" if places else ""
+    words = f", {hint}" if hint else f" (known: {', '.join(known)})"
+    return _fault(key, f"unknown key '{key}'{words}", f"one of {', '.join(known)}", hint)
 
 
-def _unknown_with(key: str, known: list[str], hint: str) -> Fault:
-    return Fault(key, f"unknown key '{key}'{hint}", f"one of {', '.join(known)}", hint.removeprefix(", "))
-
-
-def refusal(error: ValidationError, place: str, model: type[BaseModel], *others: str) -> ScenarioError:
-    """The error of a settings file: a line per fault, then `others`; its key, expectation and hint are of the first."""
+def refusal(error: ValidationError, place: str, model: type[BaseModel]) -> ScenarioError:
+    """The error of a settings file: a line per fault; its key, expectation and hint are of the first."""
     found = list(faults(error, model))
-    lines = dict.fromkeys(f"{place}: {fault.words}" for fault in found)
-    refused = ScenarioError("\n".join([*lines, *others]))
+    lines = dict.fromkeys(f"{place}: {fault}" for fault in found)
+    refused = ScenarioError("\n".join(lines))
     refused.place, refused.key = place, found[0].key
     refused.expected, refused.hint = found[0].expected, found[0].hint
     return refused
 
 
-def checked(model: type[Model], content: Mapping[str, Any], place: str, *others: str) -> Model:
+def checked(model: type[Model], content: Mapping[str, Any], place: str) -> Model:
     """The content of a settings file as its model.
 
     Raises:
-        ScenarioError: a line per fault, then `others`.
+        ScenarioError: a line per fault.
     """
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise refusal(error, place, model, *others) from error
+        raise refusal(error, place, model) from error
 
 
-def _refused(key: str, shown: object, expected: str, hint: str = "") -> Fault:
-    return Fault(key, f"'{key}' is {shown}, expected {expected}{hint and f'; {hint}'}", expected, hint)
+def _fault(key: str, words: str, expected: str = "", hint: str = "") -> ScenarioError:
+    fault = ScenarioError(words)
+    fault.key, fault.expected, fault.hint = key, expected, hint
+    return fault
 
 
-def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[Fault]:
+def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[ScenarioError]:
     """Each fault of the content that pydantic refuses."""
     for fault in error.errors():
         path = [part for part in fault["loc"] if not str(part).startswith(_OF_TYPES)]
@@ -119,16 +100,18 @@ def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[Fault]:
             yield _unknown(key, model, section)
         elif kind == "missing":
             expected = _missing(key, section)
-            yield Fault(key, f"'{key}' is missing" + (f", expected {expected}" if expected else ""), expected)
+            yield ScenarioError("is missing", key=f"'{key}'", expected=expected)
         elif kind.startswith("union_tag"):
             inner = section_models(section.model_fields[key.rpartition(".")[2]].annotation)
             name, tags = kind_of(inner[0])[0], [kind_of(one)[1] for one in inner]
             own, expected = value.get(name), f"one of {', '.join(tags)}"
-            yield _refused(f"{key}.{name}", repr(own), expected, guess(own, tags))
+            yield ScenarioError(
+                f"is {own!r}", key=f"'{key}.{name}'", expected=expected, hint=guess(own, tags)
+            )
         elif kind == "value_error":
-            yield Fault(key, f"{key + ': ' if key else ''}{context['error']}")
+            yield _fault(key, f"{key + ': ' if key else ''}{context['error']}")
         else:
             name, sign = _BOUNDS.get(kind, ("", ""))
             said = fault["msg"].removeprefix("Input should be ").removesuffix(_UNPARSED)
             expected = f"{sign} {context[name]}{unit}" if name else f"{said}{unit}"
-            yield _refused(key, value if name else repr(value), expected)
+            yield ScenarioError(f"is {value if name else repr(value)}", key=f"'{key}'", expected=expected)

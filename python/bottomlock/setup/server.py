@@ -149,7 +149,7 @@ class SetupServer(HttpServer):
             form = SetupForm.model_validate(content)
         except ValidationError as error:
             found = [
-                {"field": fault.key.partition(".")[0], "words": fault.words}
+                {"field": fault.key.partition(".")[0], "words": str(fault)}
                 for fault in faults(error, SetupForm)
             ]
             return _json(422, {"faults": found})
