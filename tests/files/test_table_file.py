@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
+from bottomlock.files import table_file
 from bottomlock.files.table_file import check_regular, read_parquet, read_table_file
 from bottomlock.io.beams import Columns, times_as_they_stand
 from bottomlock.io.columns import column_numbers
@@ -53,6 +54,16 @@ def test_a_file_that_is_cut_off(tmp_path: Path, cut: int) -> None:
     with pytest.raises(DataError) as raised:
         read_parquet(path)
     assert "\n" not in str(raised.value)
+
+
+def test_more_values_than_the_memory_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A column of one value has few bytes in the file, whatever its length: it is refused before it is unpacked."""
+    path = tmp_path / "a.parquet"
+    pl.DataFrame({"x": [0.5] * 2_000_000}).write_parquet(path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    monkeypatch.setattr(table_file, "available_memory_bytes", lambda: 20e6)
+    with pytest.raises(DataError, match=r"takes about .* GB of memory"):
+        read_parquet(path)
 
 
 def test_a_panic_of_the_library_is_an_error_of_one_line(

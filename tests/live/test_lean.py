@@ -88,3 +88,13 @@ def test_a_dry_run_needs_no_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert vx is not None
     assert abs(float(vx[1]) - VELOCITY[0]) < 0.2
     assert not (tmp_path / "logs").exists()
+
+
+def test_a_dry_run_without_a_dvl_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With what each source does."""
+    monkeypatch.setattr("bottomlock.cli.live.PATIENCE_S", 0.5)
+    config = tmp_path / "rov.toml"
+    config.write_text(CONFIG.replace("file:dvl.log", "tcp:127.0.0.1:1"), encoding="utf-8")
+    done = command("live", "--dry-run", config, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "no ping of source 'dvl' within 0.5 s: dvl cannot be opened" in done.stderr

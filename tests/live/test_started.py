@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -252,3 +253,15 @@ def test_the_level_begins_anew_after_a_gap() -> None:
         if k == 3499:
             nav.push(ping(k * 10 * MS))
     np.testing.assert_allclose(nav.attitude_t_p, (HALF, 0.0, 0.0, HALF), atol=1e-9)
+
+
+RAGGED: Any = [[1.0], [1.0, 2.0], 3.0, 4.0]
+
+
+@pytest.mark.parametrize("key", ["velocity_mps", "valid", "sd_mps", "range_m"])
+@pytest.mark.parametrize("wrong", [RAGGED, ["a"] * 4, [0.5] * 3])
+def test_a_ping_of_another_shape_is_refused_by_its_field(key: str, wrong: Any) -> None:  # noqa: ANN401
+    with pytest.raises(bottomlock.KernelError, match=rf"Ping\.{key} .*the DVL has 4 beams"):
+        Navigator.start(**A50).push(replace(ping(0), **{key: wrong}))
+    with pytest.raises(bottomlock.KernelError, match=r"Ping\.of_beams"):
+        Ping.of_beams(0, RAGGED)

@@ -189,6 +189,7 @@ class Node:
             result: TransitionCallbackReturn = getattr(self, f"on_{transition}")(before)
         except Exception:  # noqa: BLE001 - as the real one
             result = TransitionCallbackReturn.ERROR
+        if result is TransitionCallbackReturn.ERROR:
             self.on_error(before)
             self.state = "unconfigured"
         if result is TransitionCallbackReturn.SUCCESS:

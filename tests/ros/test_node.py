@@ -321,3 +321,32 @@ def test_a_checkpoint(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> N
     started(module)
     play(graph, played[800:900])
     assert "/odometry" in {topic for topic, _, _ in graph.sent}
+
+
+def test_whatever_is_raised_is_logged(
+    bag: Path,
+    graph: Graph,
+    module: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a transition, after which the node can be configured again, and of a message: the next is taken."""
+
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("planted")
+
+    node = module.BottomlockNode()
+    assert node.change("configure") is SUCCESS
+    with monkeypatch.context() as patch:
+        patch.setattr(node, "create_subscription", broken)
+        assert node.change("activate") is not SUCCESS
+    assert "ZeroDivisionError: planted" in graph.words("error")
+    assert node.change("configure") is SUCCESS
+    assert node.change("activate") is SUCCESS
+    played, _ = dive.read_bag(bag)
+    play(graph, played[:10])
+    graph.said.clear()
+    with monkeypatch.context() as patch:
+        patch.setattr(node, "_running", broken)
+        play(graph, played[10:11])
+    assert "ZeroDivisionError: planted" in graph.words("error")
+    play(graph, played[11:20])

@@ -36,6 +36,8 @@ def test_labels_are_what_blueos_reads(dockerfile: str, root: Path) -> None:
         "NetworkMode": "host",
     }
     assert list(permissions["ExposedPorts"]) == ["8770/tcp"]
+    page = (root / "docs" / "howto" / "blueos.md").read_text(encoding="utf-8")
+    assert f"`{label(dockerfile, 'permissions')}`" in page
     assert {"name", "email"} <= set(json.loads(label(dockerfile, "authors"))[0])
     assert {"about", "name", "email"} == set(json.loads(label(dockerfile, "company")))
     assert {"website", "support"} <= set(json.loads(label(dockerfile, "links")))
@@ -56,6 +58,8 @@ def test_image_and_unit_start_the_command(dockerfile: str, root: Path) -> None:
         _, bound, _ = app.parse_args(command[1:], exit_on_error=False, print_error=False)
         assert bound.arguments["folder"] == Path(folder)
         assert bound.arguments.get("host") == ("0.0.0.0" if folder == "/data" else None)
+        assert bound.arguments.get("names") == ((".local",) if folder == "/data" else None)
+        assert len(bound.arguments.get("networks", ())) == (2 if folder == "/data" else 0)
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not there")

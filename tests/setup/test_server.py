@@ -205,7 +205,7 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
         assert get(port, "/save")[0] == 404
         assert not list(tmp_path.iterdir())
     # Through BlueOS' own server, and by the vehicle's name in its network.
-    with served(tmp_path, "--host", "0.0.0.0") as port:
+    with served(tmp_path, "--host", "0.0.0.0", "--names", ".local", "--networks", "127.0.0.0/8") as port:
         for origin, host in (
             ("http://blueos.local", "127.0.0.1"),
             ("http://192.168.2.2:8770", "rov.local:8770"),
@@ -213,11 +213,38 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
             assert ask(port, "POST", "/save", body, good | {"Origin": origin, "Host": host})[0] == 200
 
 
+def test_a_neighbour_needs_the_token(tmp_path: Path) -> None:
+    """Beyond the loopback address: no page, no state, no log, no change; with the printed address all of it."""
+    with served(tmp_path, "--host", "0.0.0.0") as port:
+        token = (tmp_path / "token").read_text()
+        assert len(token) > 20
+        assert (tmp_path / "token").stat().st_mode & 0o077 == 0
+        for path in (
+            "/",
+            "/setup",
+            "/state",
+            "/health",
+            "/events",
+            "/logs/a.mcap",
+            "/register_service",
+            f"/{token[:-1]}/",
+        ):
+            assert get(port, path)[0] == 403, path
+        for path in ("/start", "/stop", "/save"):
+            assert post(port, path)[0] == 403, path
+        assert get(port, f"/{token}/setup")[0] == 200
+        assert ask(port, "GET", f"/{token}", None, {})[0] == 308
+        assert post(port, f"/{token}/save", {"mode": "velocity"}) == (200, {"faults": []})
+    with served(tmp_path, "--host", "0.0.0.0", "--networks", "10.0.0.0/8") as port:
+        assert get(port, "/setup")[0] == 403
+        assert get(port, f"/{token}/setup")[0] == 200
+
+
 @pytest.mark.parametrize("field", ["address", "imu", "to"])
 @pytest.mark.parametrize(
     "address",
     [
-        "file:/etc/passwd", "stdin", "stdout", "ros:/imu", "serial:/etc/passwd",
+        "file:/etc/passwd", "stdin", "stdout", "ros:/imu", "serial:/etc/passwd", "zenoh:tcp/1.1.1.1:7447",
         "serial:/dev/../etc/passwd", "tcp:8.8.8.8:80", "tcp:example.org:80", "udpin:8.8.8.8:80", "udpout:8.8.8.8:80",
     ],
 )  # fmt: skip

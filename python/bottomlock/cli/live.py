@@ -17,11 +17,12 @@ from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.cautions import cautions
 from bottomlock.live.config import LiveConfig, load_config
-from bottomlock.live.connections import cancel_at_signals
+from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.replay import Replayed, replay_log
 from bottomlock.live.runner import Live, Say, begin, host_clock
+from bottomlock.live.sections import DVL_FORMATS
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 from bottomlock.ports.mavlink import begin_dry_run
 
@@ -42,7 +43,7 @@ def live(
 
     Args:
         config: TOML file; docs/live.md describes it. With --init, the file to write.
-        dry_run: Show what would be sent, and send nothing.
+        dry_run: Show what would be sent, and send nothing; ends where no ping comes within 30 s.
         replay: Play a raw log again, and compare with what was sent; exit code 1 where it differs.
         export: With --replay: formats of the log's track, written to the folder NAME_export beside the log, separated
             by commas: kml, geojson, csv, tum, mcap.
@@ -72,7 +73,10 @@ def live(
     clock = host_clock()
     engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
     send = _shown(settings, engine) if dry_run else None
-    _run(Live(settings, engine, say=_say, log=log, send=send, clock=clock))
+    _run(
+        Live(settings, engine, say=_say, log=log, send=send, clock=clock),
+        patience_s=PATIENCE_S if dry_run else None,
+    )
 
 
 def _check_without_ros(config: Path, settings: LiveConfig) -> None:
@@ -121,7 +125,45 @@ def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
     return show
 
 
-def _run(running: Live) -> None:
+PATIENCE_S = 30.0
+"""Time that a dry run waits for its first ping."""
+
+
+async def _first_ping(running: Live, patience_s: float) -> None:
+    """Returns once a ping was taken.
+
+    Raises:
+        DataError: where none has come in time, with what each source does.
+    """
+    pings = next(one for one in running.engine.sources if one.section.format in DVL_FORMATS)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(patience_s):
+            while not pings.used:  # noqa: ASYNC110 - the engine has no event
+                await asyncio.sleep(0.1)
+        return
+    states = zip(running.config.source, running.connections, strict=True)
+    raise DataError(
+        f"no ping of source '{pings.section.name}' within {patience_s:g} s: "
+        + ", ".join(f"{section.name} {connection.state}" for section, connection in states)
+    )
+
+
+async def _pinged(running: Live, patience_s: float | None) -> None:
+    """Runs to the end, in a dry run only where pings come."""
+    task = asyncio.create_task(running.run())
+    try:
+        if patience_s is not None:
+            waiting = asyncio.create_task(_first_ping(running, patience_s))
+            await asyncio.wait({task, waiting}, return_when=asyncio.FIRST_COMPLETED)
+            if waiting.done():
+                waiting.result()
+            await cancel(waiting)
+        await task
+    finally:
+        await cancel(task)
+
+
+def _run(running: Live, *, patience_s: float | None = None) -> None:
     async def until_stopped() -> None:
         cancel_at_signals()
         others = [asyncio.create_task(serve_page(running, _say))]
@@ -130,7 +172,7 @@ def _run(running: Live) -> None:
 
             others.append(asyncio.create_task(show(lambda: status(running), errors)))
         with contextlib.suppress(asyncio.CancelledError):
-            await running.run()
+            await _pinged(running, patience_s)
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)

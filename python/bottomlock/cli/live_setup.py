@@ -1,10 +1,11 @@
 """The command `bottomlock live-setup`: the set-up page, and the live process that it starts and stops."""
 
 import asyncio
+import ipaddress
 from pathlib import Path
 
 from bottomlock.cli.console import errors
-from bottomlock.errors import BottomlockError, OutputError
+from bottomlock.errors import BottomlockError, OutputError, ScenarioError
 from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.process import LiveProcess
@@ -12,17 +13,30 @@ from bottomlock.setup.server import PORT, SetupServer
 
 
 def live_setup(
-    folder: Path, *, host: str = "127.0.0.1", port: int = PORT, names: tuple[str, ...] | None = None
+    folder: Path,
+    *,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    names: tuple[str, ...] = (),
+    networks: tuple[str, ...] = (),
 ) -> None:
     """Set live navigation up in a browser: instrument, autopilot, mounting; start, stop, state, raw logs.
 
     Args:
         folder: Of the configuration (live.toml), its raw logs and checkpoint; made where it is missing.
-        host: Address of the page; "0.0.0.0" lets the whole network set it up.
+        host: Address of the page; "0.0.0.0" lets who knows the address that is printed, with its token, set it up.
         port: TCP port of the page; 0: a free one.
-        names: Names under which the page may be asked; .END: all that end so. Default beyond loopback: .local.
+        names: Names under which the page may be asked beside addresses; .END: all that end so.
+        networks: Networks, as 192.168.2.0/24, whose clients need no token.
     """
-    asyncio.run(_serve(folder, host, port, names))
+    kept = SetupFolder(folder)
+    process = LiveProcess(kept.config, _say)
+    try:
+        known = [ipaddress.ip_network(one) for one in networks]
+    except ValueError as error:
+        raise ScenarioError(error, key="--networks", expected="networks as 192.168.2.0/24") from error
+    server = SetupServer(kept, process, host, port, names=names, networks=known, say=_say)
+    asyncio.run(_serve(kept, process, server))
 
 
 def _say(words: str) -> None:
@@ -41,13 +55,10 @@ def _go_on(kept: SetupFolder, process: LiveProcess) -> None:
     process.want(running=True)
 
 
-async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...] | None) -> None:
-    kept = SetupFolder(folder)
-    process = LiveProcess(kept.config, _say)
-    server = SetupServer(kept, process, host, port, names=names, say=_say)
-
+async def _serve(kept: SetupFolder, process: LiveProcess, server: SetupServer) -> None:
     def opened() -> None:
-        _say(f"bottomlock: set-up page {server.url}, configuration in {kept.folder}")
+        address = f"{server.url}{server.token}/" if server.token else server.url
+        _say(f"bottomlock: set-up page {address}, configuration in {kept.folder}")
         _go_on(kept, process)
 
     cancel_at_signals()
@@ -57,6 +68,6 @@ async def _serve(folder: Path, host: str, port: int, names: tuple[str, ...] | No
     except asyncio.CancelledError:
         pass
     except OSError as error:
-        raise OutputError(f"no set-up page on {host}:{port}: {error.strerror or error}") from error
+        raise OutputError(f"no set-up page on {server.place}: {error.strerror or error}") from error
     finally:
         await cancel(living)

@@ -91,7 +91,7 @@ def _replace(path: Path, content: bytes | memoryview) -> None:
         _sync_folder(path.parent)
     except OSError as error:
         raise OutputError(
-            f"cannot be written ({error.strerror or error})", place=path, hint="nothing was changed"
+            f"cannot be written ({error.strerror or error})", place=path, hint="this file is as it was"
         ) from error
     finally:
         with contextlib.suppress(OSError):

@@ -27,6 +27,9 @@ _TRUE, _FALSE, _BYTE, _DOUBLE, _BINARY, _LIST, _SET, _STRUCT = 1, 2, 3, 7, 8, 9,
 _INTEGERS = {4, 5, 6}
 _DATA_PAGE, _DICTIONARY_PAGE, _DATA_PAGE_V2 = 0, 2, 3
 _REPEATED = 2
+_TEXTS = {6, 7}
+_NUMBER_BYTES, _TEXT_BYTES = 20.0, 40.0
+"""Memory that a value takes with its copies, however few bytes it has in the file (measured of a number: 16)."""
 
 
 class _DamagedError(Exception):
@@ -99,15 +102,15 @@ class _Thrift:
         return found
 
 
-def check_parquet(path: Path) -> None:
-    """Checks that the counts in a Parquet file agree and lie within it.
+def check_parquet(path: Path) -> float:
+    """Checks that the counts in a Parquet file agree and lie within it; about the bytes that reading it takes.
 
     Raises:
         DataError: naming the file, for one that is not Parquet, is cut off, or whose counts do not agree.
     """
     try:
         with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            _check(data)
+            return _check(data)
     except _DamagedError as error:
         raise DataError(f"is damaged or not Parquet ({error})", place=path) from error
     except (OSError, ValueError) as error:
@@ -116,7 +119,7 @@ def check_parquet(path: Path) -> None:
         raise DataError("is damaged or not Parquet (its metadata lack a field)", place=path) from error
 
 
-def _check(data: mmap.mmap) -> None:
+def _check(data: mmap.mmap) -> float:
     size = len(data)
     if size < 12 or data[:4] != _MAGIC or data[-4:] != _MAGIC:
         raise _DamagedError("it does not begin and end with PAR1")
@@ -130,13 +133,16 @@ def _check(data: mmap.mmap) -> None:
     flat = not any(one.get(3) == _REPEATED for one in meta[2])
     groups = meta.get(4, [])
     _equal("rows", meta[3], sum(group[3] for group in groups))
+    needed_bytes = 0.0
     for group in groups:
-        # RowGroup: 1 columns, 3 rows. ColumnChunk: 3 metadata.
+        # RowGroup: 1 columns, 3 rows. ColumnChunk: 3 metadata, of them 1 type.
         _equal("columns", len(group[1]), len(leaves))
         for chunk in group[1]:
             if flat:
                 _equal("rows of a column", group[3], chunk[3][5])
             _check_chunk(data, chunk[3], start)
+            needed_bytes += chunk[3][5] * (_TEXT_BYTES if chunk[3][1] in _TEXTS else _NUMBER_BYTES)
+    return needed_bytes
 
 
 def _check_chunk(data: mmap.mmap, chunk: dict[int, Any], limit: int) -> None:
@@ -278,7 +284,7 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFra
     """
 
     def read() -> pl.DataFrame:
-        check_parquet(path)
+        check_memory(path, check_parquet(path))
         return pl.read_parquet(path, columns=None if columns is None else list(columns), glob=False)
 
     return _read(path, read)

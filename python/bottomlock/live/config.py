@@ -1,5 +1,6 @@
 """The configuration of `bottomlock live`: read from TOML, checked as a whole, and turned into what the kernel takes."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -109,13 +110,9 @@ class LiveConfig(NavigatorConfig):
             )
 
     def _can_navigate(self) -> None:
-        missing = [f"[{key}]" for key in ("imu", "origin", "start") if getattr(self, key) is None]
+        missing = _missing({key: True for key in _NAVIGATES if getattr(self, key) is not None})
         if missing:
-            words = "section" if len(missing) == 1 else "sections"
-            verb = "is" if len(missing) == 1 else "are"
-            raise ValueError(
-                f'mode = "navigation" needs the {words} {", ".join(missing)}, which {verb} missing'
-            )
+            raise ValueError(missing)
         by_attitude = isinstance(self.imu, ImuFromAttitude)
         what = "attitudes" if by_attitude else "inertial readings"
         if not self.sources_of(self.motion):
@@ -245,6 +242,18 @@ class LiveConfig(NavigatorConfig):
         return self
 
 
+_NAVIGATES = ("imu", "origin", "start")
+"""Sections without which nothing navigates."""
+
+
+def _missing(content: Mapping[str, object]) -> str:
+    """Which of them are missing, in words; "" where none is."""
+    missing = [f"[{key}]" for key in _NAVIGATES if key not in content]
+    plural = ("sections", "are") if len(missing) > 1 else ("section", "is")
+    words = f'mode = "navigation" needs the {plural[0]} {", ".join(missing)}, which {plural[1]} missing'
+    return words if missing else ""
+
+
 def _named(readings: str) -> str:
     """The formats of a kind of reading, for an error."""
     return ", ".join(f'"{one}"' for one in FORMATS[readings])
@@ -277,7 +286,14 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
             content = with_case(content, Path(content["case"]))
         except ScenarioError as error:
             raise ScenarioError(error, place=place) from error
-    config = checked(LiveConfig, content, place)
+    try:
+        config = checked(LiveConfig, content, place)
+    except ScenarioError as error:
+        # What only a sound configuration is asked for stands beside the other faults.
+        missing = _missing(content) if content.get("mode") == "navigation" else ""
+        if not missing or missing in str(error):
+            raise
+        raise ScenarioError(f"{error}\n{place}: {missing}") from error
     try:
         return config.checked()
     except (ScenarioError, ValueError) as error:

@@ -247,7 +247,7 @@ class HealthServer(HttpServer):
     async def _events(self, writer: asyncio.StreamWriter) -> None:
         writer.write(
             b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\n"
-            b"X-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n"
+            b"X-Content-Type-Options: nosniff\r\nX-Accel-Buffering: no\r\nConnection: close\r\n\r\n"
         )
         while not writer.is_closing():
             writer.write(b"data: " + json.dumps(self._show()).encode() + b"\n\n")

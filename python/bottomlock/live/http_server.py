@@ -10,7 +10,7 @@ import contextlib
 import ipaddress
 import socket
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 
 from bottomlock.live.connections import accept, listen
@@ -25,12 +25,13 @@ _CLIENTS = 32
 
 @dataclass(frozen=True)
 class Request:
-    """A request: "GET" or "POST", path without query, headers by their names in small letters, body."""
+    """A request: "GET" or "POST", path without query, headers by names in small letters, body, client's address."""
 
     method: str
     path: str
     headers: Mapping[str, str]
     body: bytes = b""
+    client: str = ""
 
 
 class HttpServer:
@@ -46,6 +47,8 @@ class HttpServer:
 
     methods: tuple[str, ...] = ("GET",)
     """What may be asked; POST is with a body in JSON."""
+    advice = "list it in health.names"
+    """What to do where another name is a good one."""
 
     def __init__(
         self, host: str, port: int, *, names: Sequence[str] = (), say: Callable[[str], None] = lambda _: None
@@ -56,7 +59,7 @@ class HttpServer:
         self._endings = tuple(name for name in lower if name.startswith("."))
         self._silent: dict[asyncio.StreamWriter, None] = {}
         self._clients: dict[asyncio.StreamWriter, asyncio.Task[None]] = {}
-        self.url = ""
+        self.url, self.place = "", f"{host}:{port}"
 
     async def run(self, opened: Callable[[], None] = lambda: None) -> None:
         """Serves until it is cancelled; `opened` is called once `url` is known.
@@ -102,7 +105,8 @@ class HttpServer:
             if isinstance(request, bytes):
                 writer.write(request)
             else:
-                await self._answer(request, writer)
+                client = writer.get_extra_info("peername")[0]
+                await self._answer(replace(request, client=client), writer)
             await writer.drain()
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # a client that went away, or never asked anything
@@ -122,7 +126,8 @@ class HttpServer:
         headers = dict(pairs)
         words = first.split(" ")
         if sum(name == "host" for name, _ in pairs) > 1 or not self._is_ours(headers.get("host")):
-            return reply(421, TEXT, _NOT_MEANT)
+            why = f"asked under another name than localhost or an address: {self.advice}\n"
+            return reply(421, TEXT, why.encode())
         if len(words) < 2 or words[0] not in self.methods:
             return reply(405, TEXT, f"only {' and '.join(self.methods)}\n".encode())
         request = Request(words[0], words[1].partition("?")[0], headers)
@@ -161,14 +166,11 @@ class HttpServer:
         raise NotImplementedError
 
 
-_NOT_MEANT = b"asked under another name than localhost or an address: list it in health.names\n"
-
-
 def head(code: int, kind: str, length: int, more: str = "") -> bytes:
     """The head of an answer with `length` bytes; `more` headers, each with its end of line."""
     return (
         f"HTTP/1.1 {code} {HTTPStatus(code).phrase}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n"
-        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
         "Content-Security-Policy: default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
         f"connect-src 'self'\r\n{more}Connection: close\r\n\r\n"
     ).encode()

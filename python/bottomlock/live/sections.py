@@ -172,7 +172,7 @@ class StartSection(Section):
     accelerometers measure a tilt above `largest_tilt_deg`, or gravity elsewhere than below that attitude.
     """
 
-    window_s: Positive = 5.0
+    window_s: Annotated[float, Field(gt=0, le=3600)] = 5.0
     """time that levelling averages over"""
     level: Annotated[Literal["levelling", "attitude"] | None, shown(example="attitude")] = None
     """source of roll and pitch: the accelerometers, or [attitude]; none: the accelerometers where there are
@@ -229,9 +229,9 @@ class StatesSection(Section):
 
     silent_periods: Annotated[float, Field(ge=1, le=1000), shown(unit="1")] = 3.0
     """periods of a source without a message after which it is silent"""
-    silent_least_s: NonNegative = 0.1
+    silent_least_s: Annotated[float, Field(ge=0, le=3600)] = 0.1
     """least time of that"""
-    settle_s: NonNegative = 1.0
+    settle_s: Annotated[float, Field(ge=0, le=3600)] = 1.0
     """time without a worse condition before a state improves"""
     velocity_sd_mps: Positive = 0.5
     """1 sigma of a velocity axis above which the state is UNSAFE"""

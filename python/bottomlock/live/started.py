@@ -85,14 +85,22 @@ def checked(reading: Any, beams: int) -> Any:  # noqa: ANN401 - of the same clas
 
 
 def _checked_beams(reading: Ping | WaterReading, beams: int) -> Ping | WaterReading:
-    for name in ("velocity_mps", "valid", "sd_mps"):
-        shape = np.shape(getattr(reading, name))
-        if shape != (beams,):
+    arrays: dict[str, Any] = {}
+    kinds = (("velocity_mps", "fiu"), ("valid", "b"), ("sd_mps", "fiu"))
+    for name, kind in (*kinds, ("range_m", "fiu")) if isinstance(reading, Ping) else kinds:
+        given = getattr(reading, name)
+        try:
+            array = np.asarray(given)
+        except ValueError:  # lists of unequal lengths
+            array = np.array(None)
+        if array.dtype.kind not in kind or array.shape != (beams,):
+            found = f"has shape {array.shape}" if array.dtype.kind in kind else f"is {_short(given)}"
             raise KernelError(
-                f"{type(reading).__name__}.{name} has shape {shape}",
-                expected=f"({beams},): the DVL has {beams} beams",
+                f"{type(reading).__name__}.{name} {found}",
+                expected=f"{'true or false' if kind == 'b' else 'numbers'}, ({beams},): the DVL has {beams} beams",
             )
-    return replace(reading, time_ns=_time_ns(reading))
+        arrays[name] = array
+    return replace(reading, time_ns=_time_ns(reading), **arrays)
 
 
 def _time_ns(reading: Any) -> int:  # noqa: ANN401 - any reading

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from bottomlock.errors import ScenarioError
-from bottomlock.kernel.models import Finite, Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
 from bottomlock.ports.port import Port
@@ -40,9 +39,9 @@ class MicroStrain(Port):
     timebase: Literal["external", "arrival"] = "external"
     """external: our time since 1970 plus `time_offset_s`, for a receiver synchronised to that clock; arrival:
     `latency_s` before its arrival"""
-    time_offset_s: Finite = 0.0
+    time_offset_s: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """see `timebase`"""
-    latency_s: Positive | None = None
+    latency_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     """see `timebase`; needed with arrival and only there"""
     unseen: Literal["omit", "estimate"] = "omit"
     """in mode navigation, omit axes that the beams of the last ping do not determine, or send the estimate of them

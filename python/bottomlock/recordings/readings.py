@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.errors import KernelError
 from bottomlock.recordings.water_cells import CellTable
 
 Triple = tuple[float, float, float]
@@ -45,11 +46,23 @@ class Ping:
     def of_beams(cls, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike | None = None) -> "Ping":
         """A ping of velocities along the beams (n,), m/s; without `valid` those that are finite are there.
 
+        Raises:
+            KernelError: for other shapes.
+
         >>> Ping.of_beams(0, [0.5, -0.5, float("nan"), 0.0]).valid.tolist()
         [True, True, False, True]
         """
-        velocity = np.asarray(velocity_mps, dtype=np.float64)
-        there = np.isfinite(velocity) if valid is None else np.asarray(valid, dtype=np.bool_)
+        try:
+            velocity = np.asarray(velocity_mps, dtype=np.float64)
+            there = np.isfinite(velocity) if valid is None else np.asarray(valid, dtype=np.bool_)
+        except (TypeError, ValueError):
+            there = velocity = np.empty((0, 0))
+        if velocity.ndim != 1 or there.shape != velocity.shape:
+            raise KernelError(
+                f"velocity_mps is {velocity_mps!r} and valid is {valid!r}"[:200],
+                place="Ping.of_beams",
+                expected="a number a beam, and as many true or false",
+            )
         none = np.full(velocity.shape, np.nan)
         return cls(time_ns, time_ns, velocity, there, none, none, np.full(3, np.nan), None)
 

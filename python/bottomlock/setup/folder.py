@@ -1,7 +1,9 @@
 """The folder of a vehicle's set-up: configuration, geometry, the form that they were made from, raw logs."""
 
+import contextlib
 import hashlib
 import os
+import secrets
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +11,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import read_json, write_json, write_text
 from bottomlock.live.config import LiveConfig, load_config, parse_config
 from bottomlock.setup.addresses import check_by_hand
 from bottomlock.setup.form import LOGS, SetupForm, config_text, geometry_of
 
-CONFIG, STATE = "live.toml", "setup.json"
+CONFIG, STATE, TOKEN = "live.toml", "setup.json", "token"
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,27 @@ class SetupFolder:
     @shall_run.setter
     def shall_run(self, running: bool) -> None:
         write_json(self.folder / STATE, self._state() | {"running": running})
+
+    def token(self) -> str:
+        """The secret part of the page's address beyond the loopback address, made once; for its owner's eyes alone.
+
+        Raises:
+            OutputError: where it can neither be read nor made.
+        """
+        file = self.folder / TOKEN
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with (
+                contextlib.suppress(FileExistsError),
+                os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as new,
+            ):
+                new.write(secrets.token_urlsafe(16))
+            token = file.read_text(encoding="ascii").strip()
+        except (OSError, ValueError) as error:
+            raise OutputError(f"cannot be made or read ({error})", place=file) from error
+        if not token:
+            raise OutputError("is empty", place=file, hint="remove it")
+        return token
 
     def text(self) -> str | None:
         """The configuration; None for none."""

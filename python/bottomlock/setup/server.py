@@ -5,7 +5,9 @@ What the live process measures comes from its own health page on the loopback ad
 
 import asyncio
 import dataclasses
+import ipaddress
 import json
+import secrets
 import shutil
 from collections.abc import Callable, Sequence
 from importlib import metadata, resources
@@ -21,11 +23,8 @@ from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.form import FORM_AUTOPILOTS, FORM_INSTRUMENTS, SetupForm
 from bottomlock.setup.process import LiveProcess
 
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 PORT = 8770
-NAMES = (".local",)
-"""Names of a vehicle in its own network, as BlueOS has them (multicast DNS); no name of the web ends so.
-
-They are answered where the page listens beyond the loopback address: elsewhere it has no name in the network."""
 _LOOPBACK = ("127.0.0.1", "::1", "localhost")
 _BLOCK = 65_536
 _STALLED_S = 60.0
@@ -59,9 +58,13 @@ class SetupServer(HttpServer):
         folder: of the configuration.
         process: the live process.
         host, port, names, say: see `HttpServer`.
+        networks: whose clients need no token.
+
+    Beyond the loopback address the path begins with the token of the folder: who does not know it gets nothing (403).
     """
 
     methods = ("GET", "POST")
+    advice = "start live-setup with --names NAME"
 
     def __init__(
         self,
@@ -70,15 +73,34 @@ class SetupServer(HttpServer):
         host: str,
         port: int = PORT,
         *,
-        names: Sequence[str] | None = None,
+        names: Sequence[str] = (),
+        networks: Sequence[Network] = (),
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
-        if names is None:
-            names = () if host in _LOOPBACK else NAMES
         super().__init__(host, port, names=names, say=say)
         self._folder, self._process = folder, process
+        self._networks = networks
+        self.token = "" if host in _LOOPBACK else folder.token()
+
+    def _path(self, request: Request) -> str | None:
+        """The path behind the token, or, of a client that needs none, the whole; None where it is missing."""
+        token, slash, path = request.path.removeprefix("/").partition("/")
+        if self.token and secrets.compare_digest(token.encode(), self.token.encode()):
+            return slash + path
+        client = ipaddress.ip_address(request.client) if self.token else None
+        is_free = client is None or any(client in network for network in self._networks)
+        return request.path if is_free else None
 
     async def _answer(self, request: Request, writer: asyncio.StreamWriter) -> None:
+        path = self._path(request)
+        if path is None:
+            why = b"the address is incomplete: live-setup says the whole one at its start\n"
+            writer.write(reply(403, TEXT, why))
+            return
+        if not path:
+            writer.write(head(308, TEXT, 0, f"Location: {self.token}/\r\n"))
+            return
+        request = dataclasses.replace(request, path=path)
         if request.method == "POST":
             writer.write(await self._post(request))
         elif request.path in _PASSED_ON:

@@ -6,6 +6,7 @@ clock, so a bag that is played gives the bits that its raw log gives again. Call
 """
 
 import functools
+import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -53,6 +54,29 @@ class TopicSink(Sink):
         """Nothing: rclpy keeps the publisher."""
 
 
+def _caught(callback: Callable[..., Any]) -> Callable[..., Any]:
+    """Logs whatever a callback raises: rclpy drops what a transition raises, and ends where another callback does."""
+
+    @functools.wraps(callback)
+    def guarded(node: "BottomlockNode", *given: Any) -> Any:  # noqa: ANN401
+        try:
+            return callback(node, *given)
+        except Exception as error:  # noqa: BLE001 - nothing may be lost
+            known = isinstance(error, BottomlockError)
+            node.get_logger().error(str(error) if known else traceback.format_exc())
+            early = known and node._config is None  # noqa: SLF001 - its own: it stays unconfigured
+            return TransitionCallbackReturn.FAILURE if early else TransitionCallbackReturn.ERROR
+
+    return guarded
+
+
+def _after(work: str, transition: str) -> Callable[..., TransitionCallbackReturn]:
+    """A transition that does something first."""
+    return _caught(
+        lambda node, state: (getattr(node, work)(), getattr(LifecycleNode, transition)(node, state))[1]
+    )
+
+
 class BottomlockNode(LifecycleNode):
     """Live navigation as a lifecycle node; its parameter `config` is the file of `bottomlock live`."""
 
@@ -68,28 +92,29 @@ class BottomlockNode(LifecycleNode):
         self._saver = ThreadPoolExecutor(max_workers=1)
         self._now_ns = 0
 
+    @_caught
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Reads the configuration and makes the publishers."""
-        try:
-            path = Path(self._file())
-            config = load_config(path)
-            outputs = {topic: _message(ros_type) for topic, ros_type in _topics(config).items()}
-            for section in config.source:
-                _message(ROS_TYPES[section.format])
-            for caution in cautions(config):
-                self.get_logger().warning(caution)
-            if config.health is not None and "health" in config.model_fields_set:
-                self.get_logger().warning("no health page: the node publishes [diagnostics] in its place")
-            self._config, self._text = config, path.read_bytes()
-        except BottomlockError as error:
-            self.get_logger().error(str(error))
-            return TransitionCallbackReturn.FAILURE
+        file: str = self.get_parameter("config").get_parameter_value().string_value
+        if not file:
+            raise ScenarioError("the parameter 'config' is empty, expected the file of `bottomlock live`")
+        path = Path(file)
+        config = load_config(path)
+        outputs = {topic: _message(ros_type) for topic, ros_type in _topics(config).items()}
+        for section in config.source:
+            _message(ROS_TYPES[section.format])
+        for caution in cautions(config):
+            self.get_logger().warning(caution)
+        if config.health is not None and "health" in config.model_fields_set:
+            self.get_logger().warning("no health page: the node publishes [diagnostics] in its place")
+        self._config, self._text = config, path.read_bytes()
         self._by_topic = {
             topic: self.create_lifecycle_publisher(message, topic, OUTPUTS)
             for topic, message in outputs.items()
         }
         return super().on_configure(state)
 
+    @_caught
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribes, and begins with the first time that the clock gives."""
         config = self._config
@@ -111,25 +136,10 @@ class BottomlockNode(LifecycleNode):
         self._running()
         return result
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends the estimate and its raw log."""
-        self._end()
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forgets the configuration."""
-        self._forget()
-        return super().on_cleanup(state)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends everything."""
-        self._forget()
-        return super().on_shutdown(state)
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ends everything: the node can be configured again."""
-        self._forget()
-        return super().on_error(state)
+    on_deactivate = _after("_end", "on_deactivate")
+    on_cleanup = _after("_forget", "on_cleanup")
+    on_shutdown = _after("_forget", "on_shutdown")
+    on_error = _after("_forget", "on_error")
 
     def destroy_node(self) -> None:
         """Ends everything."""
@@ -137,27 +147,17 @@ class BottomlockNode(LifecycleNode):
         self._saver.shutdown()
         super().destroy_node()
 
-    def _file(self) -> str:
-        """Path of the configuration.
-
-        Raises:
-            ScenarioError: where the parameter is empty.
-        """
-        file: str = self.get_parameter("config").get_parameter_value().string_value
-        if not file:
-            raise ScenarioError("the parameter 'config' is empty, expected the file of `bottomlock live`")
-        return file
-
     def _every(self, period_s: float, work: Callable[[Live], object]) -> None:
         """Does something while the estimate runs."""
+        self._periodic.append(self.create_timer(period_s, functools.partial(self._do, work)))
 
-        def do() -> None:
-            live = self._running()
-            if live is not None:
-                work(live)
+    @_caught
+    def _do(self, work: Callable[[Live], object]) -> None:
+        live = self._running()
+        if live is not None:
+            work(live)
 
-        self._periodic.append(self.create_timer(period_s, do))
-
+    @_caught
     def _take(self, place: int, data: bytes) -> None:
         """A message of a source, by its place in the configuration."""
         live = self._running()
