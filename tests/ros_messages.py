@@ -114,3 +114,17 @@ def write_ros2(
             raw = message if isinstance(message, bytes) else store.serialize_cdr(message, kind)
             writer.write(connections[topic], ns, raw)
     return path
+
+
+def write_ros1(path: Path, sent: Iterable[tuple[int, str, str, Any]], store: Any) -> Path:  # noqa: ANN401
+    """A bag of ROS 1, of the same."""
+    from rosbags.rosbag1 import Writer
+
+    connections: dict[str, Any] = {}
+    with Writer(path) as writer:
+        for ns, topic, kind, message in sent:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            raw = message if isinstance(message, bytes) else store.serialize_ros1(message, kind)
+            writer.write(connections[topic], ns, raw)
+    return path

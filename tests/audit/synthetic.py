@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from bottomlock.audit.logs import BeamLog
@@ -82,6 +83,16 @@ def stale(log: BeamLog, rows: list[int]) -> BeamLog:
         if own is not None:
             own[row] = own[row - 1]
     return replace(log, velocity_mps=y, instrument_mps=own)
+
+
+def table(log: BeamLog) -> pl.DataFrame:
+    """The log as `bottomlock convert` writes it."""
+    columns: dict[str, Any] = {"time_ns": log.time_ns}
+    for k in range(log.beams):
+        columns |= {f"beam{k + 1}_mps": log.velocity_mps[:, k], f"beam{k + 1}_valid": log.valid[:, k]}
+    if log.instrument_mps is not None:
+        columns |= {f"instrument_{axis}_mps": log.instrument_mps[:, k] for k, axis in enumerate("xyz")}
+    return pl.DataFrame(columns)
 
 
 def kinds(findings: list[Any]) -> set[tuple[str, tuple[int, ...]]]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+import inspect
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import InitialState, Model, Options
 from tests.c.header import Header
 
@@ -84,6 +87,23 @@ class _Kept:
         self._as_parameter_ = values.ctypes.data
 
 
+ORDER = {
+    "imu": ("omega_p_radps", "force_p_mps2"),
+    "beams": ("velocity_mps", "valid", "sd_mps"),
+    "water_track": ("velocity_mps", "valid", "sd_mps", "range_m"),
+    "velocity": ("velocity_p_mps", "cov_m2ps2"),
+    "depth": ("depth_m", "sd_m"),
+    "thrust": ("revolutions_hz", "sd_mps"),
+    "effort": ("force_p_n", "sd_n"),
+    "attitude": ("attitude_t_p", "roll_pitch_sd_rad", "yaw_sd_rad"),
+    "heading": ("yaw_rad", "sd_rad"),
+    "gps": ("position_t_m", "position_sd_m", "velocity_t_mps", "velocity_sd_mps"),
+    "position": ("position_t_m", "position_sd_m", "velocity_t_mps", "velocity_sd_mps"),
+    "acoustic_position": ("position_t_m", "sd_m"),
+}
+"""Arguments of each push after the time."""
+
+
 class CNavigator:
     """A navigator of the C library."""
 
@@ -123,73 +143,27 @@ class CNavigator:
         self.c(f"push_{name}", self.pointer, *arguments)
         return self.reports()
 
-    def push_imu(self, time_ns: int, *, omega_p_radps: ArrayLike, force_p_mps2: ArrayLike) -> list[Any]:
-        """As the package's."""
-        return self.push("imu", time_ns, floats(omega_p_radps), floats(force_p_mps2))
+    def __getattr__(self, name: str) -> Callable[..., list[Any]]:
+        """The pushes of the package's, with their arguments in the order of the header."""
+        sensor = name.removeprefix("push_")
+        if sensor not in ORDER:
+            raise AttributeError(name)
 
-    def push_beams(
-        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike
-    ) -> list[Any]:
-        """As the package's."""
-        velocity, flags = floats(velocity_mps), np.ascontiguousarray(valid, dtype=np.uint8)
-        return self.push("beams", time_ns, len(velocity), velocity, flags, floats(sd_mps))
+        def pushed(*arguments: Any, **keywords: Any) -> list[Any]:  # noqa: ANN401 - as the package takes them
+            names = inspect.signature(getattr(Navigator, name)).parameters
+            given = dict(zip([one for one in names if one != "self"], arguments, strict=False)) | keywords
+            passed: list[Any] = []
+            for one in ORDER[sensor]:
+                value: Any = given.get(one)
+                if one == "velocity_mps":
+                    passed.append(len(value))
+                if one == "valid":
+                    passed.append(np.ascontiguousarray(value, dtype=np.uint8))
+                else:
+                    passed.append(floats(value) if np.ndim(value) else value)
+            return self.push("gps" if sensor == "position" else sensor, given["time_ns"], *passed)
 
-    def push_water_track(
-        self, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike, *, sd_mps: ArrayLike, range_m: float
-    ) -> list[Any]:
-        """As the package's."""
-        velocity, flags = floats(velocity_mps), np.ascontiguousarray(valid, dtype=np.uint8)
-        return self.push("water_track", time_ns, len(velocity), velocity, flags, floats(sd_mps), range_m)
-
-    def push_velocity(self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike) -> list[Any]:
-        """As the package's."""
-        return self.push("velocity", time_ns, floats(velocity_p_mps), floats(cov_m2ps2))
-
-    def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[Any]:
-        """As the package's."""
-        return self.push("depth", time_ns, depth_m, sd_m)
-
-    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[Any]:
-        """As the package's."""
-        return self.push("thrust", time_ns, revolutions_hz, sd_mps)
-
-    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[Any]:
-        """As the package's."""
-        return self.push("effort", time_ns, floats(force_p_n), sd_n)
-
-    def push_attitude(
-        self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
-    ) -> list[Any]:
-        """As the package's."""
-        return self.push("attitude", time_ns, floats(attitude_t_p), roll_pitch_sd_rad, yaw_sd_rad)
-
-    def push_heading(self, time_ns: int, yaw_rad: float, *, sd_rad: float) -> list[Any]:
-        """As the package's."""
-        return self.push("heading", time_ns, yaw_rad, sd_rad)
-
-    def push_gps(
-        self,
-        time_ns: int,
-        position_t_m: ArrayLike,
-        velocity_t_mps: ArrayLike,
-        *,
-        position_sd_m: ArrayLike,
-        velocity_sd_mps: ArrayLike,
-    ) -> list[Any]:
-        """As the package's."""
-        places = floats(position_t_m), floats(position_sd_m)
-        return self.push("gps", time_ns, *places, floats(velocity_t_mps), floats(velocity_sd_mps))
-
-    def push_position(self, time_ns: int, position_t_m: ArrayLike, *, position_sd_m: ArrayLike) -> list[Any]:
-        """As the package's."""
-        return self.push("gps", time_ns, floats(position_t_m), floats(position_sd_m), None, None)
-
-    def push_acoustic_position(
-        self, *, time_ns: int, position_t_m: ArrayLike, sd_m: ArrayLike | None = None
-    ) -> list[Any]:
-        """As the package's."""
-        given = None if sd_m is None else floats(sd_m)
-        return self.push("acoustic_position", time_ns, floats(position_t_m), given)
+        return pushed
 
     def reports(self) -> list[Any]:
         """Reports of the last push."""

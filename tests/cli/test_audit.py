@@ -9,20 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.audit.logs import BeamLog
 from bottomlock.io.beams import read_geometry
-from tests.audit.synthetic import channels, janus, make_log, stale
+from tests.audit.synthetic import channels, janus, make_log, stale, table
 from tests.cli.calls import command as bottomlock
-
-
-def table(log: BeamLog) -> pl.DataFrame:
-    columns: dict[str, object] = {"time_ns": log.time_ns}
-    for k in range(log.beams):
-        columns[f"beam{k + 1}_mps"] = log.velocity_mps[:, k]
-        columns[f"beam{k + 1}_valid"] = log.valid[:, k]
-    if log.instrument_mps is not None:
-        columns |= {f"instrument_{axis}_mps": log.instrument_mps[:, k] for k, axis in enumerate("xyz")}
-    return pl.DataFrame(columns)
 
 
 @pytest.fixture

@@ -3,27 +3,17 @@
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 import pytest
 
-from bottomlock.audit.logs import BeamLog
 from bottomlock.errors import OutputError
 from bottomlock.replay.init.files import Files
-from tests.audit.synthetic import make_log
+from tests.audit.synthetic import make_log, table
 from tests.cli.calls import command
 from tests.live.world import NAVIGATION_TOML
 
 RUN = ("run", "straight", "--methods", "lc,tc", "--threads", "1", "--out", "o")
-
-
-def log_table(log: BeamLog) -> pl.DataFrame:
-    """A beam table of a synthetic log."""
-    columns: dict[str, Any] = {"time_ns": log.time_ns}
-    for k in range(log.beams):
-        columns |= {f"beam{k + 1}_mps": log.velocity_mps[:, k], f"beam{k + 1}_valid": log.valid[:, k]}
-    return pl.DataFrame(columns)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +21,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two logs and a geometry file."""
     folder = tmp_path_factory.mktemp("logs")
     for seed, name in ((1, "a"), (2, "b")):
-        log_table(make_log(seed)).write_parquet(folder / f"{name}.parquet")
+        table(make_log(seed)).write_parquet(folder / f"{name}.parquet")
     (folder / "dvl.toml").write_text("beams = 4\ntilt_deg = 22.0\n", encoding="utf-8")
     return folder
 

@@ -111,18 +111,3 @@ def test_what_cannot_be_tuned_says_so(folder: Path) -> None:
     done = command("tune", folder / "case.toml", "--fraction", "1.0", "--out", folder / "other.toml")
     assert done.returncode == 2
     assert "fraction is 1, expected 0.2 to 0.8" in done.stderr
-
-
-@pytest.mark.long
-def test_the_result_does_not_depend_on_the_threads(tmp_path: Path) -> None:
-    path = write_case(tmp_path, dive(6, seconds=400.0), WRONG)
-    for threads in ("1", "2"):
-        done = command("tune", path, "--out", tmp_path / f"{threads}.toml", "--threads", threads)
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "1.toml").read_bytes() == (tmp_path / "2.toml").read_bytes()
-    records = [json.loads((tmp_path / f"{threads}.json").read_text(encoding="utf-8")) for threads in "12"]
-    for one in records:
-        assert one["status"] == "complete"
-        for key in ("wall_s", "digests", "own_digest"):
-            del one[key]
-    assert records[0] == records[1]

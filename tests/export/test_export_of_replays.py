@@ -288,19 +288,3 @@ def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path:
         assert done.returncode != 0
         assert told in " ".join(done.stderr.split())
     assert not (tmp_path / "new").exists()  # it is known before the replay
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("undrawn")
-def test_a_replay_of_other_tables_removes_the_earlier_export(tmp_path: Path, root: Path) -> None:
-    """The same case, whose log of the DVL has changed since."""
-    out = tmp_path / "out"
-    words = ("replay", str(synthetic_dive.write(tmp_path, ASKED)), "--out", str(out))
-    assert command(*words, "--export", "kml", cwd=root).returncode == 0
-    assert command(*words, cwd=root).returncode == 0
-    assert (out / "export/tracks.kml").exists()  # the tables are the same
-    pl.read_parquet(tmp_path / "dvl.parquet").head(-1).write_parquet(tmp_path / "dvl.parquet")
-    done = command(*words, cwd=root)
-    assert done.returncode == 0, done.stderr
-    assert not (out / "export").exists()
-    assert "its export_kml was made from other tables and is removed" in " ".join(done.stderr.split())

@@ -18,6 +18,8 @@ UNIT = np.array(
     ]
 )
 VELOCITY = np.array([1.0, -0.25, 0.125])
+FIRST_NS = 1_700_000_000_050_000_000
+"""Arrival of the first message."""
 
 
 def message(store: Any, step: int, **changed: Any) -> Any:  # noqa: ANN401 - the library's own objects
@@ -38,23 +40,17 @@ def message(store: Any, step: int, **changed: Any) -> Any:  # noqa: ANN401 - the
 
 def write_ros1(path: Path, steps: int, *, topics: tuple[str, ...] = ("/dvl",), **changed: Any) -> Path:  # noqa: ANN401
     """A ROS 1 bag."""
-    from rosbags.rosbag1 import Writer
-
     store = typestore(latest=False)
-    with Writer(path) as writer:
-        connections = [writer.add_connection(topic, DVL, typestore=store) for topic in topics]
-        for step in range(steps):
-            raw = store.serialize_ros1(message(store, step, **changed), DVL)
-            for connection in connections:
-                writer.write(connection, 1_700_000_000_050_000_000 + 200_000_000 * step, raw)
-    return path
+    sent = [
+        (FIRST_NS + 200_000_000 * k, topic, DVL, message(store, k, **changed))
+        for k in range(steps)
+        for topic in topics
+    ]
+    return ros_messages.write_ros1(path, sent, store)
 
 
 def write_ros2(path: Path, steps: int, *, mcap: bool = False, **changed: Any) -> Path:  # noqa: ANN401
     """A ROS 2 bag: a folder with SQLite or MCAP in it."""
     store = typestore()
-    sent = [
-        (1_700_000_000_050_000_000 + 200_000_000 * step, "/dvl", DVL, message(store, step, **changed))
-        for step in range(steps)
-    ]
+    sent = [(FIRST_NS + 200_000_000 * k, "/dvl", DVL, message(store, k, **changed)) for k in range(steps)]
     return ros_messages.write_ros2(path, sent, store, mcap=mcap)

@@ -10,6 +10,9 @@ pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
 
 from bottomlock.io.formats import read_recording
 from tests.io import bags
+from tests.ros_messages import Messages, write_ros1, write_ros2
+
+STAMP_NS = 1_700_000_000_000_000_000
 
 # As waterlinked/dvl-a50-ros-driver publishes them; the second with what the ROS 2 driver adds.
 BEAM = "int64 id\nfloat64 velocity\nfloat64 distance\nfloat64 rssi\nfloat64 nsd\nbool valid\n"
@@ -36,14 +39,8 @@ def message(store: Any, name: str, step: int, **more: Any) -> Any:  # noqa: ANN4
     types = store.types
     beam = types[f"{package}/msg/DVLBeam"]
     speeds = bags.UNIT @ bags.VELOCITY + 1e-3 * step
-    header = {
-        "stamp": types["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=200_000_000 * step),
-        "frame_id": "dvl",
-    }
-    if "seq" in types["std_msgs/msg/Header"].__dataclass_fields__:
-        header["seq"] = step
     return types[name](
-        header=types["std_msgs/msg/Header"](**header), time=200.0,
+        header=Messages(store).header(STAMP_NS + 200_000_000 * step, "dvl"), time=200.0,
         velocity=types["geometry_msgs/msg/Vector3"](*bags.VELOCITY), fom=0.003, altitude=2.5,
         beams=[
             beam(
@@ -53,22 +50,6 @@ def message(store: Any, name: str, step: int, **more: Any) -> Any:  # noqa: ANN4
         ],
         velocity_valid=step != 3, status=0, form="json_v3.1", **more,
     )  # fmt: skip
-
-
-def write_ros2(path: Path, package: str, more: str = "", steps: int = 5, **values: Any) -> Path:  # noqa: ANN401
-    """A ROS 2 bag with a topic of such messages."""
-    from rosbags.rosbag2 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    name = registered(store, package, more)
-    with Writer(path, version=9) as writer:
-        connection = writer.add_connection("/dvl/data", name, typestore=store)
-        for step in range(steps):
-            one = {key: value(step) for key, value in values.items()}
-            raw = store.serialize_cdr(message(store, name, step, **one), name)
-            writer.write(connection, 1_700_000_000_050_000_000 + 200_000_000 * step, raw)
-    return path
 
 
 def check(table: Any) -> None:  # noqa: ANN401
@@ -81,17 +62,12 @@ def check(table: Any) -> None:  # noqa: ANN401
 
 
 def test_a_ros1_bag_is_stamped_by_the_driver(tmp_path: Path) -> None:
-    from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     name = registered(store, "waterlinked_a50_ros_driver")
-    with Writer(tmp_path / "dive.bag") as writer:
-        connection = writer.add_connection("/dvl/data", name, typestore=store)
-        for step in range(5):
-            raw = store.serialize_ros1(message(store, name, step), name)
-            writer.write(connection, 1_700_000_000_050_000_000 + 200_000_000 * step, raw)
-    found = read_recording(tmp_path / "dive.bag")
+    sent = [(bags.FIRST_NS + 200_000_000 * k, "/dvl/data", name, message(store, name, k)) for k in range(5)]
+    found = read_recording(write_ros1(tmp_path / "dive.bag", sent, store))
     check(found.table)
     assert (found.time_of, found.geometry) == ("arrival", "waterlinked_a50")
     np.testing.assert_array_equal(found.table.time_ns, 1_700_000_000_000_000_000 + 200_000_000 * np.arange(5))
@@ -99,11 +75,15 @@ def test_a_ros1_bag_is_stamped_by_the_driver(tmp_path: Path) -> None:
 
 
 def test_a_time_of_validity_is_taken(tmp_path: Path) -> None:
-    path = write_ros2(
-        tmp_path / "dive", "dvl_msgs", EXTRA, time_of_validity=lambda k: 1_699_999_999_900_000 + 200_000 * k,
-        time_of_transmission=lambda _: 0, covariance=lambda _: np.zeros(9),
-    )  # fmt: skip
-    found = read_recording(path)
+    made = Messages()
+    name = registered(made.store, "dvl_msgs", EXTRA)
+    sent = []
+    for k in range(5):
+        valid_us = 1_699_999_999_900_000 + 200_000 * k
+        more = {"time_of_validity": valid_us, "time_of_transmission": 0, "covariance": np.zeros(9)}
+        report = message(made.store, name, k, **more)
+        sent.append((bags.FIRST_NS + 200_000_000 * k, "/dvl/data", name, report))
+    found = read_recording(write_ros2(tmp_path / "dive", sent, made.store, mcap=False))
     check(found.table)
     assert (found.time_of, found.notes) == ("validity", [])
     np.testing.assert_array_equal(found.table.time_ns, 1_699_999_999_900_000_000 + 200_000_000 * np.arange(5))

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
@@ -24,10 +22,8 @@ from bottomlock.observability.report import (
 from bottomlock.observability.tables import PAPER_CASES, paper_table
 from bottomlock.tables.check import check
 from bottomlock.tables.observability import OBSERVABILITY
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, dip, manoeuvre_truth, motion_of, steady, swing
+from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, swing
 from bottomlock.truth.truth import Truth
-from tests.oracle.error_model import f_full
-from tests.oracle.rotations import matrix_from_quaternion
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 ALL = Aiding(beams=(1, 2, 3, 4))
@@ -113,38 +109,6 @@ def test_numbers_match_numpy(eight: Truth) -> None:
     weights[[0, -1]] = 0.5
     weighted = found.rows * np.repeat(weights, beams)[:, None]
     np.testing.assert_allclose(found.gramian, weighted.T @ found.rows, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.long
-@given(
-    speed=st.floats(0.0, 5.0), size=st.floats(0.0, 1.0), rate=st.floats(0.01, 0.5), turn=st.floats(-0.2, 0.2),
-    turning=st.booleans(),
-)  # fmt: skip
-@settings(max_examples=settings().max_examples // 2, deadline=None)
-def test_transition_is_the_integral_of_the_error_model(
-    speed: float, size: float, rate: float, turn: float, turning: bool
-) -> None:
-    """Φ of the window by a fine Runge–Kutta integration of the oracle's F, for random motions."""
-    earth = EARTH_RATE_RADPS if turning else 0.0
-    motion = motion_of(speed, yaw=steady(turn), pitch=dip(-size, rate))
-    truth = manoeuvre_truth(Manoeuvre("m", "", motion, 4.0), rate_hz=100.0, earth_rate_radps=earth)
-    (found,) = observe(truth, JANUS, [Aiding(gps_position=True)], earth_rate_radps=earth, period_s=4.0)
-    gravity_t = np.array([0.0, 0.0, truth.gravity_mps2])
-    earth_t = earth * np.array([np.cos(truth.latitude_rad), 0.0, -np.sin(truth.latitude_rad)])
-
-    def f(k: int) -> Any:  # noqa: ANN401 - a matrix
-        R = matrix_from_quaternion(truth.attitude_t_p[k])
-        return f_full(R, truth.velocity_p_mps[k], truth.omega_p_radps[k], gravity_t, earth_t)
-
-    phi, h = np.eye(20), 0.02
-    for k in range(0, len(truth.time_ns) - 1, 2):
-        a, b, c = f(k), f(k + 1), f(k + 2)
-        k1 = a @ phi
-        k2 = b @ (phi + h / 2 * k1)
-        k3 = b @ (phi + h / 2 * k2)
-        k4 = c @ (phi + h * k3)
-        phi = phi + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    np.testing.assert_allclose(found.rows[3:, :], phi[:3], rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.parametrize("beams", [(1, 2, 3, 4), (1, 2)])
@@ -260,8 +224,8 @@ def test_the_figure_has_every_state_once(eight: Truth) -> None:
 def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:
     """Every beam lost and no other sensor."""
     text = (resources.files("bottomlock.config") / "scenarios" / "straight.toml").read_text(encoding="utf-8")
-    changed = text.replace("beams_lost = [3, 4]", "beams_lost = [1, 2, 3, 4]")
-    assert changed != text
+    assert text.count("beams_lost = [3, 4]") == text.count("duration_s = 250.0") == 1
+    changed = text.replace("[3, 4]", "[1, 2, 3, 4]").replace("duration_s = 250.0", "duration_s = 20.0")
     (tmp_path / "blind.toml").write_text(changed, encoding="utf-8")
     with pytest.raises(ScenarioError, match="nothing aids it, no beam returns and no other sensor measures"):
         observe_scenario(tmp_path / "blind.toml", tmp_path / "o")

@@ -153,18 +153,6 @@ def test_rates_and_silence_reach_the_schedule() -> None:
     assert own == Aiding(beams=(1, 2), depth=True, attitude=True)
 
 
-@pytest.mark.long
-@pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
-def test_a_filter_without_the_dvls_errors_has_fifteen_states(tmp_path: Path) -> None:
-    path = tmp_path / "fifteen.toml"
-    path.write_text(short(filter={"estimate_dvl": False}), encoding="utf-8")
-    made = observe_scenario(path, tmp_path / "o")
-    assert made.table["states"].unique().to_list() == [15]
-    assert made.manoeuvres is not None
-    assert made.manoeuvres["state"].n_unique() == 15
-
-
 def test_too_many_epochs_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "fast.toml"
     path.write_text(short(60.0, dvl={"rate_hz": 100.0}), encoding="utf-8")

@@ -14,7 +14,7 @@ from tests.cli.calls import command
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
 from tests.io.autopilot_logs import BOOT_S, START_S, write_bin, write_tlog
-from tests.replay.undiagnosed import replay_undiagnosed
+from tests.replay.undiagnosed import tc_row
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +29,7 @@ def made(folder: Path, *files: Path, without: tuple[str, ...] = ()) -> tuple[Cas
 
 def end_m(case: Case) -> tuple[float, dict[str, Any]]:
     """Error at the end against the reference, and the row of the method."""
-    row = (
-        replay_undiagnosed(case.with_methods(["tc"]))
-        .runs.filter(pl.col("pass") == "forward")
-        .row(0, named=True)
-    )
+    row = tc_row(case)
     return float(row["position_final_m"]), row
 
 

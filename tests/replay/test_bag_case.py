@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
 import pytest
 
 pytest.importorskip("rosbags", reason="bags need the extra .[ros]")
@@ -14,8 +13,8 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.init.sources import bag_tables
 from tests.dive import Dive, drawn_dive
 from tests.io.test_ros_waterlinked import registered
-from tests.replay.undiagnosed import replay_undiagnosed
-from tests.ros_messages import IMU, POSE, Messages, write_ros2
+from tests.replay.undiagnosed import tc_row
+from tests.ros_messages import IMU, POSE, Messages, write_ros1, write_ros2
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -88,11 +87,7 @@ def test_a_bag_makes_a_case_that_runs(dive: Dive, tmp_path: Path, beams: bool) -
     case = load_case(tmp_path / "case.toml")
     assert case.readings.axes == ("x", "-y", "-z")
     assert case.dvl.source == ("beams" if beams else "velocity")
-    row = (
-        replay_undiagnosed(case.with_methods(["tc"]))
-        .runs.filter(pl.col("pass") == "forward")
-        .row(0, named=True)
-    )
+    row = tc_row(case)
     assert row["fixes_rejected"] == 0
     # No attitude was recorded: the heading is found from the positions alone, if at all.
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
@@ -100,19 +95,15 @@ def test_a_bag_makes_a_case_that_runs(dive: Dive, tmp_path: Path, beams: bool) -
 
 def test_a_bag_that_breaks_off_gives_what_it_held(tmp_path: Path) -> None:
     """The third message is cut: the first two are a table that says so."""
-    from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC)
-    t, kind = store.types, "geometry_msgs/msg/PointStamped"
-    with Writer(tmp_path / "x.bag") as writer:
-        connection = writer.add_connection("/lbl", kind, typestore=store)
-        for k in range(3):
-            header = t["std_msgs/msg/Header"](
-                k, t["builtin_interfaces/msg/Time"](1_700_000_000 + k, 0), "ned"
-            )
-            raw = store.serialize_ros1(t[kind](header, t["geometry_msgs/msg/Point"](1.0 + k, 2.0, 3.0)), kind)
-            writer.write(connection, START_NS + k, bytes(raw)[: 20 if k == 2 else None])
+    made, kind, sent = Messages(get_typestore(Stores.ROS1_NOETIC)), "geometry_msgs/msg/PointStamped", []
+    for k in range(3):
+        place = made.types["geometry_msgs/msg/Point"](1.0 + k, 2.0, 3.0)
+        point = made.types[kind](made.header(START_NS + k * 10**9, "ned"), place)
+        raw = bytes(made.store.serialize_ros1(point, kind))[: 20 if k == 2 else None]
+        sent.append((START_NS + k, "/lbl", kind, raw))
+    write_ros1(tmp_path / "x.bag", sent, made.store)
     (found,) = bag_tables(tmp_path / "x.bag")
     assert found.remark.startswith("the bag breaks off (")
     assert found.frame.to_dict(as_series=False) == {

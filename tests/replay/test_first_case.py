@@ -16,7 +16,7 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
 from tests.dive import EARTH, Dive, Floats, drawn_dive
 from tests.dive_logs import write_a50, write_csv
-from tests.replay.undiagnosed import replay_undiagnosed
+from tests.replay.undiagnosed import tc_row
 
 EPOCH_S = 1.7e9
 G = 9.80665
@@ -37,14 +37,22 @@ def imu_columns(
     ]
 
 
-def made(folder: Path, *files: Path) -> Case:
-    make_case(files, folder / "case.toml")
+def made(dive: Dive, folder: Path, imu: dict[str, Any], *files: Path, start_s: float = EPOCH_S) -> Case:
+    """The case of the log of an A50, of a table of the IMU, and of other files."""
+    write_csv(folder / "imu.csv", imu)
+    make_case(
+        [write_a50(dive, folder / "dvl.json", start_s=start_s), folder / "imu.csv", *files],
+        folder / "case.toml",
+    )
     return load_case(folder / "case.toml")
 
 
-def tc_row(case: Case) -> dict[str, Any]:
-    runs = replay_undiagnosed(case.with_methods(["tc"])).runs
-    return runs.filter(pl.col("pass") == "forward").row(0, named=True)
+def inertial(
+    dive: Dive, seconds: Any = None, column: str = "t", names: str = "short", **units: Any
+) -> dict[str, Any]:
+    """A table of the IMU."""
+    times = dive.imu_s + EPOCH_S if seconds is None else seconds
+    return {column: times} | dict(zip(NAMES[names], imu_columns(dive, **units), strict=True))
 
 
 NAMES = {
@@ -67,24 +75,10 @@ NAMES = {
     ],
 )  # fmt: skip
 def test_units_and_axes_are_found_back(
-    dive: Dive,
-    tmp_path: Path,
-    names: str,
-    force: float,
-    omega: float,
-    axes: tuple[str, ...],
-    unit_f: str,
-    unit_w: str,
-    found: tuple[str, ...],
-) -> None:
-    columns = {"t": dive.imu_s + EPOCH_S} | dict(
-        zip(NAMES[names], imu_columns(dive, force, omega, axes), strict=True)
-    )
-    case = made(
-        tmp_path,
-        write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S),
-        write_csv(tmp_path / "imu.csv", columns),
-    )
+    dive: Dive, tmp_path: Path, names: str, force: float, omega: float, axes: tuple[str, ...], unit_f: str,
+    unit_w: str, found: tuple[str, ...],
+) -> None:  # fmt: skip
+    case = made(dive, tmp_path, inertial(dive, names=names, force=force, omega=omega, axes=axes))
     assert (case.readings.force_unit, case.readings.omega_unit, case.readings.axes) == (unit_f, unit_w, found)
     row = tc_row(case)
     assert row["nis_mean_over_fixes"] / row["nis_degrees_mean_over_fixes"] < 3.0
@@ -107,9 +101,7 @@ def test_clocks_are_found_back(
     """The DVL counts from its own zero, 40 s after the IMU: the motion tells the offset."""
     seconds = np.round((dive.imu_s + start_s) * factor, 3)
     time = seconds.astype(np.int64) if factor > 1.0 else seconds
-    columns = {column: time} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
-    log = write_a50(dive, tmp_path / "dvl.json", start_s=7040.0)
-    case = made(tmp_path, log, write_csv(tmp_path / "imu.csv", columns))
+    case = made(dive, tmp_path, inertial(dive, time, column), start_s=7040.0)
     assert case.readings.clock.unit == unit
     assert case.dvl.clock.offset_s == pytest.approx(start_s - 7040.0, abs=0.05)
 
@@ -122,7 +114,11 @@ def test_a_european_spreadsheet(dive: Dive, tmp_path: Path) -> None:
         when = dt.datetime.fromtimestamp(EPOCH_S + second, dt.UTC).strftime("%Y-%m-%d %H:%M:%S.%fZ")
         rows.append(";".join([when, *(f"{x:.6f}".replace(".", ",") for x in row)]))
     (tmp_path / "imu.csv").write_text("\n".join(rows), encoding="utf-8")
-    case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), tmp_path / "imu.csv")
+    make_case(
+        [write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), tmp_path / "imu.csv"],
+        tmp_path / "case.toml",
+    )
+    case = load_case(tmp_path / "case.toml")
     assert case.readings.file.name == "case_imu.parquet"
     assert case.readings.omega_unit == "deg/s"
     assert tc_row(case)["fixes_rejected"] == 0
@@ -140,11 +136,7 @@ def test_an_attitude_in_other_frames_on_another_clock(dive: Dive, tmp_path: Path
         columns |= {f"orientation.{a}": enu.as_quat()[:, j] for j, a in enumerate("xyzw")}
     else:
         columns |= dict(zip(("yaw", "pitch", "roll"), np.rad2deg(enu.as_euler("ZYX")).T, strict=True))
-    imu = {"t": dive.imu_s + EPOCH_S} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
-    case = made(
-        tmp_path, write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S), write_csv(tmp_path / "imu.csv", imu),
-        write_csv(tmp_path / "ahrs.csv", columns),
-    )  # fmt: skip
+    case = made(dive, tmp_path, inertial(dive), write_csv(tmp_path / "ahrs.csv", columns))
     assert case.attitude is not None
     assert case.attitude.frame == "enu_flu"
     assert case.attitude.unit == ("rad" if quaternion else "deg")
@@ -159,10 +151,7 @@ def test_gyros_that_agree_with_an_attitude_make_it_no_gyrocompass(tmp_path: Path
     earth = Rotation.from_euler("ZYX", dive.rpy[:, ::-1]).inv().apply(EARTH)
     imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], [*dive.force.T, *(dive.omega - earth).T], strict=True))
     ahrs = {"t": dive.imu_s} | dict(zip(("roll", "pitch", "yaw"), np.rad2deg(dive.rpy.T), strict=True))
-    case = made(
-        tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", imu),
-        write_csv(tmp_path / "ahrs.csv", ahrs),
-    )  # fmt: skip
+    case = made(dive, tmp_path, imu, write_csv(tmp_path / "ahrs.csv", ahrs), start_s=0.0)
     assert case.attitude is not None
     assert case.attitude.grade == "mti_ahrs"
 
@@ -174,11 +163,8 @@ def test_gyros_that_agree_with_an_attitude_make_it_no_gyrocompass(tmp_path: Path
 def test_a_pressure(dive: Dive, tmp_path: Path, name: str, scale: float, unit: str) -> None:
     k = slice(0, None, 10)
     pressure = (1013.25 + dive.position[k, 2] * 1025 * G / 100) * scale
-    imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
-    case = made(
-        tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", imu),
-        write_csv(tmp_path / "depth.csv", {"t": dive.imu_s[k], name: pressure}),
-    )  # fmt: skip
+    depth = write_csv(tmp_path / "depth.csv", {"t": dive.imu_s[k], name: pressure})
+    case = made(dive, tmp_path, inertial(dive, dive.imu_s), depth, start_s=0.0)
     assert case.depth is not None
     assert case.depth.unit == unit
     assert case.depth.offset_m == pytest.approx(-10.08, abs=0.01)
@@ -187,7 +173,7 @@ def test_a_pressure(dive: Dive, tmp_path: Path, name: str, scale: float, unit: s
 
 def test_what_cannot_be_used_is_said_in_one_line(dive: Dive, tmp_path: Path) -> None:
     log = write_a50(dive, tmp_path / "dvl.json")
-    imu = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
+    imu = inertial(dive, dive.imu_s)
     with pytest.raises(DataError, match="no file holds specific force and angular rate"):
         make_case([log], tmp_path / "case.toml")
     with pytest.raises(DataError, match="no file holds a DVL"):
@@ -231,14 +217,7 @@ def stamps(kind: str, seconds: Floats) -> Floats:
 @pytest.mark.parametrize("kind", ["repeats", "burst", "backward", "jitter", "whole seconds"])
 def test_poor_stamps_keep_their_column(dive: Dive, tmp_path: Path, kind: str, column: str) -> None:
     """Few rows out of order are left out and named; stamps that jitter or are coarse begin an even rate."""
-    columns = {column: stamps(kind, dive.imu_s) + EPOCH_S} | dict(
-        zip(NAMES["short"], imu_columns(dive), strict=True)
-    )
-    case = made(
-        tmp_path,
-        write_a50(dive, tmp_path / "dvl.json", start_s=EPOCH_S),
-        write_csv(tmp_path / "imu.csv", columns),
-    )
+    case = made(dive, tmp_path, inertial(dive, stamps(kind, dive.imu_s) + EPOCH_S, column))
     clock = case.readings.clock
     assert clock.column == column
     text = (tmp_path / "case.toml").read_text(encoding="utf-8")
@@ -263,8 +242,7 @@ def test_a_heading_that_nothing_tells_is_unknown(dive: Dive, tmp_path: Path, giv
 
     Gyros no better than the Earth's rate would else find a heading that is 170° wrong, and claim it to 24°.
     """
-    columns = {"t": dive.imu_s} | dict(zip(NAMES["short"], imu_columns(dive), strict=True))
-    case = made(tmp_path, write_a50(dive, tmp_path / "dvl.json"), write_csv(tmp_path / "imu.csv", columns))
+    case = made(dive, tmp_path, inertial(dive, dive.imu_s), start_s=0.0)
     assert (case.start.heading_deg, case.start.heading_sd_deg) == (0.0, 180.0)
     start = case.start.model_copy(update={"heading_deg": given_deg})
     result = replay_case(case.model_copy(update={"start": start}).with_methods(["tc"]))

@@ -245,17 +245,6 @@ def no_declination(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("no_declination")
-def test_a_dvl_at_an_angle_gets_its_mounting(dive: Dive, tmp_path: Path) -> None:
-    case, _ = made(tmp_path, tables(tmp_path, dive, yaw_deg=33.0))
-    assert case.readings.axes == ("x", "y", "z")
-    mounting = read_instrument_file(case.dvl.geometry).mounting_yaw_deg
-    assert mounting == pytest.approx(33.0, abs=2.0)
-    row = replay_case(case.with_methods(["tc"])).runs.row(0, named=True)
-    assert row["position_final_percent"] < 2.0
-
-
 @pytest.mark.usefixtures("no_declination")
 def test_the_track_mounts_a_dvl_without_inertial_readings(dive: Dive, tmp_path: Path) -> None:
     """Attitude once in 4 s, as a glider records it: the track against GPS tells the yaw, no question is left of it."""

@@ -19,7 +19,6 @@ from bottomlock.replay.run import replay_case
 from bottomlock.tables.replay import RECORDED, ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
-from tests.recorded_dives import stpere
 from tests.replay.test_water_track import CASE as WITH_IMU
 from tests.toml_text import toml
 
@@ -225,20 +224,3 @@ def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
 def last_way(dive: Dive) -> float:
     """Length of the way, m."""
     return float(np.linalg.norm(np.diff(dive.position, axis=0), axis=1).sum())
-
-
-@pytest.mark.long
-@pytest.mark.recordings
-def test_the_recorded_auv(tmp_path: Path, recordings: Path) -> None:
-    """St Pere without its gyros, as `--init` writes it: end within 1.5 % of the way and RMS near dead reckoning's."""
-    if not (recordings / "stpere_ictineu").is_dir():
-        pytest.skip("no recording of St Pere")
-    stpere(recordings, tmp_path)
-    files = [tmp_path / f"{name}.csv" for name in ("ahrs", "dvl", "gps")]
-    replayed = replay_case(load_case(make_case(files, tmp_path / "case.toml").case))
-    runs = {
-        one["method"]: one for one in replayed.runs.filter(pl.col("pass") == "forward").iter_rows(named=True)
-    }
-    assert runs["tc"]["position_final_m"] < 6.5
-    assert runs["tc"]["position_rms_over_time_m"] < 1.25 * runs["dead_reckoning"]["position_rms_over_time_m"]
-    assert runs["tc"]["position_normalised_rms_over_time"] < 1.4

@@ -1,5 +1,8 @@
 """Replays without the time that findings take: more than half of it."""
 
+from typing import Any
+
+import polars as pl
 import pytest
 
 from bottomlock.replay.case import Case
@@ -16,3 +19,12 @@ def replay_undiagnosed(case: Case) -> ReplayTables:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bottomlock.replay.run.diagnose", lambda *_: NOTHING)
         return replay_case(case)
+
+
+def tc_row(case: Case) -> dict[str, Any]:
+    """The run of `tc` without smoothing, in tests that judge where it ends and how its pings fit."""
+    return (
+        replay_undiagnosed(case.with_methods(["tc"]))
+        .runs.filter(pl.col("pass") == "forward")
+        .row(0, named=True)
+    )

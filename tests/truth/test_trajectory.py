@@ -14,7 +14,7 @@ from bottomlock.truth.truth import Truth
 from tests.analytic import analytic, analytic_simulation
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")
-FLOWN = build_simulation(load_scenario("lawn_mower"))
+FLOWN = build_simulation(load_scenario("lawn_mower").with_trajectory(duration_s=100.0))
 
 
 def truth_of(name: str) -> tuple[Scenario, Truth]:
