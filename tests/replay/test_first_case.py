@@ -48,8 +48,8 @@ def made(dive: Dive, folder: Path, imu: dict[str, Any], *files: Path, start_s: f
 
 
 def inertial(
-    dive: Dive, seconds: Any = None, column: str = "t", names: str = "short", **units: Any
-) -> dict[str, Any]:
+    dive: Dive, seconds: Floats | None = None, column: str = "t", names: str = "short", **units: Any  # noqa: ANN401
+) -> dict[str, Any]:  # fmt: skip
     """A table of the IMU."""
     times = dive.imu_s + EPOCH_S if seconds is None else seconds
     return {column: times} | dict(zip(NAMES[names], imu_columns(dive, **units), strict=True))
