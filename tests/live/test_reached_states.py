@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,41 @@ def test_understated_noise_is_unsafe(monkeypatch: pytest.MonkeyPatch, mode: str)
     assert state == "UNSAFE"
     assert why.startswith("beams disagree with one another by ")
     assert 5.0 < float(why.split(" by ")[1].split()[0]) < 20.0
+
+
+OTHER = """configuration = "angles"
+tilts_deg = [{0}, {0}, {0}, {0}]
+azimuths_deg = [{1}, {2}, {3}, {4}]
+mounting_yaw_deg = {5}
+beam_noise_mps = 0.01
+"""
+AZIMUTHS_DEG = np.array([135.0, -135.0, -45.0, 45.0])
+
+
+@pytest.mark.parametrize("mode", ["velocity", "navigation"])
+@pytest.mark.parametrize(
+    ("tilt_deg", "turned_deg", "mounting_deg", "state"),
+    [
+        (22.5, 0.0, 0.0, "OK"),
+        (22.5, 0.0, 30.0, "OK"),
+        (30.0, 0.0, 0.0, "UNSAFE"),
+        (22.5, 30.0, 0.0, "UNSAFE"),
+    ],
+)
+def test_beams_of_another_instrument_are_unsafe(
+    tmp_path: Path, mode: str, tilt_deg: float, turned_deg: float, mounting_deg: float, state: str
+) -> None:
+    """They close as a Janus does; the instrument's own velocity tells, whatever the mounting."""
+    file = tmp_path / "dvl.toml"
+    file.write_text(OTHER.format(tilt_deg, *AZIMUTHS_DEG + turned_deg, mounting_deg), encoding="utf-8")
+    made = World(8.0)
+    found = fly(
+        Engine(config(mode, geometry=str(file))), [*made.dvl(), *(made.imu() if mode == "navigation" else ())]
+    )
+    assert found[-1][0] == state
+    assert found[-1][1].startswith("beams differ from the instrument's own velocity by ") is (
+        state == "UNSAFE"
+    )
 
 
 def test_pings_that_contradict_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:

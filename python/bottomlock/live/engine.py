@@ -288,6 +288,7 @@ class Engine:
             rejected=estimator.rejected,
             stepped=steps > self._steps_seen,
             closure_ratio=estimator.closure.ratio,
+            own_ratio=estimator.closure.own_ratio,
             water_age_ns=self._age(now_ns, estimator.water_used_ns),
             imu_fault=estimator.imu_fault,
             fault=self._failed or estimator.fault,

@@ -4,16 +4,19 @@ No filter tests the beams of that mode: a beam is compared with its own reading 
 with one another. The limits follow from the claimed noise and from the largest acceleration of the vehicle.
 
 The closure of the last complete pings shows whether the beams agree as well as their noise claims: more
-than three are redundant, and the combinations that no velocity causes hold noise alone.
+than three are redundant, and the combinations that no velocity causes hold noise alone. A Janus closes whatever its
+azimuths and its tilt, so the instrument's own velocity is compared with the beams too.
 """
 
 import math
 from collections import deque
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.io.beams import Instrument
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.sections import VelocityMethod
@@ -35,41 +38,62 @@ def whitened_closure(geometry: BeamGeometry, sd_mps: NDArray[np.float64]) -> NDA
 
 
 class Closure:
-    """Scatter of the closure over what the noise of the beams claims.
+    """Scatter of the closure, and of the beams about the instrument's own velocity, over what the beams' noise claims.
 
     Args:
-        geometry: the beams.
+        instrument: the beams, and the mounting of their axes.
 
     Attributes:
-        ratio: robust, over the last `PINGS` complete pings; None before there are so many, and with three beams. With
-            Gaussian noise as claimed it exceeds 3 once in 400 million sets of pings.
+        ratio: of the closure, robust, over the last `PINGS` complete pings; None before there are so many, and with
+            three beams. With Gaussian noise as claimed it exceeds 3 once in 400 million sets of pings.
+        own_ratio: of the beams less those of the instrument's own velocity, likewise; None where it states none.
 
     Examples:
         >>> from bottomlock.io.beams import read_geometry
         >>> a50 = read_geometry("waterlinked_a50")  # claims 4 mm/s
-        >>> closure, one, valid = Closure(a50.geometry), np.array([0.08, 0.0, 0.0, 0.0]), np.ones(4, dtype=bool)
+        >>> closure, one, valid = Closure(a50), np.array([0.08, 0.0, 0.0, 0.0]), np.ones(4, dtype=bool)
         >>> for sign in [1.0, -1.0] * 10: closure.add(sign * one, valid, a50.beam_sd_mps)
         >>> round(closure.ratio)
         15
     """
 
-    def __init__(self, geometry: BeamGeometry) -> None:
-        self._geometry = geometry
+    def __init__(self, instrument: Instrument) -> None:
+        self._geometry = instrument.geometry
+        # An instrument that knows its mounting states its velocity in the platform's axes, another one in its own.
+        mounted = BeamGeometry(np.eye(3), mounting_rpy_rad=instrument.mounting_rpy_rad)
+        self._axes = self._geometry.directions_p, self._geometry.directions_p @ mounted.directions_p.T
         self._last: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
+        self._own: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
         self.ratio: float | None = None
+        self.own_ratio: float | None = None
 
     def add(
-        self, velocity_mps: NDArray[np.float64], valid: NDArray[np.bool_], sd_mps: NDArray[np.float64]
+        self,
+        velocity_mps: NDArray[np.float64],
+        valid: NDArray[np.bool_],
+        sd_mps: NDArray[np.float64],
+        own_mps: NDArray[np.float64] | None = None,
     ) -> None:
-        """Takes a ping: velocities along the beams (n,), which are valid (n,), and their claimed noise (n,)."""
+        """Takes a ping.
+
+        Args:
+            velocity_mps, valid, sd_mps: (n,) velocities along the beams, which are valid, and their claimed noise.
+            own_mps: (3,) the instrument's own velocity, forward, right, down; None or NaN where there is none.
+        """
         if not valid.all():
             return
+        if own_mps is not None and np.isfinite(own_mps).all():
+            apart = [(velocity_mps - axes @ own_mps) / sd_mps for axes in self._axes]
+            self._own.append(min(apart, key=lambda one: float(np.abs(one).max())))
+            self.own_ratio = _robust(self._own)
         rows = whitened_closure(self._geometry, sd_mps)
-        if not rows.size:
-            return
-        self._last.append(rows @ (velocity_mps / sd_mps))
-        if len(self._last) == PINGS:
-            self.ratio = float(np.median(np.abs(self._last)) / _GAUSSIAN)
+        if rows.size:
+            self._last.append(rows @ (velocity_mps / sd_mps))
+            self.ratio = _robust(self._last)
+
+
+def _robust(last: Collection[NDArray[np.float64]]) -> float | None:
+    return float(np.median(np.abs(list(last))) / _GAUSSIAN) if len(last) == PINGS else None
 
 
 JUMP_SD = 4.0
@@ -203,7 +227,7 @@ class Estimator:
         self.water_used_ns: int | None = None
         self.last = LastPing(self._instrument.geometry.beams)
         self.gated = Reasons()
-        self.closure = Closure(self._instrument.geometry)
+        self.closure = Closure(self._instrument)
 
     @property
     def imu_fault(self) -> str:
@@ -284,7 +308,7 @@ class VelocityEstimator(Estimator):
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""
         ping = self._config.with_noise(ping, self._instrument)
-        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps)
+        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps, ping.own_mps)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         kept = self._jumps.kept(time_ns, ping.velocity_mps, ping.valid, ping.sd_mps)
         ping = replace(ping, valid=kept)

@@ -49,6 +49,7 @@ class Facts:
         velocity_sd_mps: largest 1 sigma of a velocity axis; None in mode velocity.
         rejected: pings in a row that the gate has rejected.
         closure_ratio: scatter of the beams' closure over the claimed one; None where it is not known.
+        own_ratio: scatter of the beams about the instrument's own velocity over the claimed one; None likewise.
         stepped: a clock has been set since the facts before.
         fault: why the estimate cannot be used at all; "" if it can.
         water_age_ns: since all directions of the velocity through the water were last measured; None without such.
@@ -67,6 +68,7 @@ class Facts:
     rejected: int
     stepped: bool
     closure_ratio: float | None = None
+    own_ratio: float | None = None
     water_age_ns: int | None = None
     fault: str = ""
     imu_fault: str = ""
@@ -88,11 +90,8 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         )
     if facts.rejected >= limits.rejected_pings:
         return "UNSAFE", f"{facts.rejected} pings in a row contradict the estimate"
-    if facts.closure_ratio is not None and facts.closure_ratio > limits.closure_ratio:
-        return "UNSAFE", (
-            f"beams disagree with one another by {facts.closure_ratio:.2g} times their claimed noise: raise "
-            "dvl.beam_noise_mps, or see whether the geometry is this instrument's (bottomlock audit)"
-        )
+    if disagreement := _disagreement(facts, limits):
+        return "UNSAFE", disagreement
     without_beams: State = "COASTING" if navigating else "UNSAFE"
     if facts.stepped:
         return without_beams, "the clock of a source was set"
@@ -106,6 +105,28 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
     return "OK", "beams determine the whole velocity"
+
+
+def _disagreement(facts: Facts, limits: StatesSection) -> str:
+    """What the last complete pings show of the geometry and the claimed noise; "" where they fit."""
+    found: tuple[tuple[float | None, str, str], ...] = (
+        (
+            facts.closure_ratio,
+            "disagree with one another",
+            "raise dvl.beam_noise_mps, or see whether the geometry is",
+        ),
+        (
+            facts.own_ratio,
+            "differ from the instrument's own velocity",
+            "are dvl.geometry and the order of the beams",
+        ),
+    )
+    words = (
+        f"beams {of} by {ratio:.2g} times their claimed noise: {advice} this instrument's (bottomlock audit)"
+        for ratio, of, advice in found
+        if ratio is not None and ratio > limits.closure_ratio
+    )
+    return next(words, "")
 
 
 def _silent(age_ns: int | None, period_ns: int, limits: StatesSection) -> bool:

@@ -25,7 +25,7 @@ class Ping:
         valid: (n,).
         sd_mps: (n,) the instrument's figure of merit of each beam, 1 sigma; NaN where there is none.
         range_m: (n,) along the beam; NaN where there is none.
-        instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
+        instrument_mps: (3,) the instrument's own velocity, forward, right, down; NaN where there is none in such axes.
         instrument_valid: whether the instrument calls it valid; None without a flag.
         stale: the beams repeat those of the report before; none is valid.
         water: cells of the water, of this ping or measured since the one before; None where there are none.
@@ -41,6 +41,11 @@ class Ping:
     instrument_valid: bool | None
     stale: bool = False
     water: CellTable | None = None
+
+    @property
+    def own_mps(self) -> NDArray[np.float64]:
+        """(3,) the instrument's own velocity; NaN where there is none, or the instrument calls it invalid."""
+        return np.full(3, np.nan) if self.instrument_valid is False else self.instrument_mps
 
     @classmethod
     def of_beams(cls, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike | None = None) -> "Ping":
