@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock import kernel
+from tests.drawn_log import drawn_log
 from tests.oracle import truth
 from tests.property import settings
 
@@ -106,26 +107,14 @@ def log_and_start(beams: int) -> tuple[dict[str, Any], dict[str, Any]]:
     streams = kernel.simulate_sensors(made, run, assumed, plan, seed=1, trajectory_key=2, run=0)
     initial = streams["initial"]
     times = streams["magnetometer_time_ns"]
-    log = {
-        "imu_time_ns": streams["imu_time_ns"],
-        "force_p_mps2": streams["imu_force_p_mps2"],
-        "omega_p_radps": streams["imu_omega_p_radps"],
-        "dvl_time_ns": streams["dvl_time_ns"],
-        "beam_velocity_mps": np.where(streams["dvl_valid"], streams["dvl_velocity_mps"], np.nan),
-        "beam_valid": streams["dvl_valid"],
-        "beam_sd_mps": np.full(streams["dvl_valid"].shape, 0.042),
-        "depth_time_ns": streams["depth_time_ns"],
-        "depth_m": streams["depth_m"],
-        "heading_time_ns": times,
-        "heading_rad": np.zeros(len(times)),
-        "attitude_time_ns": times,
-        "attitude_t_p": np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1)),
-        "gps_time_ns": streams["gps_time_ns"],
-        "gps_position_t_m": streams["gps_position_t_m"],
-        "acoustic_position_time_ns": streams["acoustic_position_time_ns"],
-        "acoustic_position_t_m": streams["acoustic_position_t_m"],
-        "acoustic_position_sd_m": np.full((len(streams["acoustic_position_time_ns"]), 3), 1.0),
-    }
+    log = drawn_log(
+        streams, "gps", "acoustic_position",
+        beam_velocity_mps=np.where(streams["dvl_valid"], streams["dvl_velocity_mps"], np.nan),
+        beam_sd_mps=np.full(streams["dvl_valid"].shape, 0.042),
+        heading_time_ns=times, heading_rad=np.zeros(len(times)), attitude_time_ns=times,
+        attitude_t_p=np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1)),
+        acoustic_position_sd_m=np.full((len(streams["acoustic_position_time_ns"]), 3), 1.0),
+    )  # fmt: skip
     start = {
         "time_ns": int(initial["time_ns"]),
         "position_t_m": initial["position_t_m"],

@@ -10,6 +10,7 @@ import pytest
 
 import bottomlock
 from bottomlock.kernel import FIX_STATUS, Method
+from tests.drawn_log import drawn_log
 from tests.oracle import truth
 from tests.property import settings
 
@@ -42,30 +43,14 @@ def recording() -> tuple[LogDict, Any]:
         JANUS, motion, settings.table_2(), schedule, seed=1, trajectory_key=2, run=0
     )
     w, x, y, z = streams["magnetometer_attitude_t_p"].T
-    log: LogDict = {
-        "imu_time_ns": streams["imu_time_ns"],
-        "force_p_mps2": streams["imu_force_p_mps2"],
-        "omega_p_radps": streams["imu_omega_p_radps"],
-        "dvl_time_ns": epochs["dvl"],
-        "beam_velocity_mps": np.where(valid, streams["dvl_velocity_mps"], np.nan),
-        "beam_valid": valid,
-        "beam_sd_mps": rng.uniform(0.02, 0.08, valid.shape),
-        "depth_time_ns": epochs["depth"],
-        "depth_m": streams["depth_m"],
-        "heading_time_ns": epochs["heading"],
-        "heading_rad": np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)),
-        "attitude_time_ns": np.empty(0, dtype=np.int64),
-        "attitude_t_p": np.empty((0, 4)),
-        "gps_time_ns": epochs["gps"],
-        "gps_position_t_m": streams["gps_position_t_m"],
-    }
-    initial = streams["initial"]
-    start: Any = {
-        "time_ns": initial["time_ns"],
-        "position_t_m": initial["position_t_m"],
-        "attitude_t_p": initial["attitude_t_p"],
-        "velocity_p_mps": initial["velocity_p_mps"],
-    }
+    log: LogDict = drawn_log(
+        streams, "gps",
+        beam_velocity_mps=np.where(valid, streams["dvl_velocity_mps"], np.nan), beam_valid=valid,
+        beam_sd_mps=rng.uniform(0.02, 0.08, valid.shape), heading_time_ns=epochs["heading"],
+        heading_rad=np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)),
+    )  # fmt: skip
+    keys = ("time_ns", "position_t_m", "attitude_t_p", "velocity_p_mps")
+    start: Any = {key: streams["initial"][key] for key in keys}  # type: ignore[literal-required]
     return log, start
 
 

@@ -1,6 +1,6 @@
 """The product's partial-beam methods against the paper's closed forms for beams 1 and 2, to 1e-12."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from hypothesis import given
@@ -19,25 +19,29 @@ readings = st.floats(-3, 3)
 VALID = np.array([[True, True, False, False]])
 
 
-def solve(
-    tilt: float,
-    y1: float,
-    y2: float,
-    sd1: float,
-    sd2: float,
-    method: FixMethod,
-    **more: Any,  # noqa: ANN401 - keywords of the product
-) -> bottomlock.VelocityFixes:
-    """One ping of beams 1 and 2; a lost beam carries NaN."""
-    y = np.array([[y1, y2, np.nan, np.nan]])
-    return bottomlock.solve_velocity(
-        bottomlock.BeamGeometry.janus(tilt),
-        y,
-        VALID,
-        method=method,
-        beam_sd_mps=np.array([sd1, sd2, 0.042, 0.042]),
-        **more,
-    )
+class Ping(NamedTuple):
+    """Tilt of the Janus, and readings and deviations of beams 1 and 2."""
+
+    tilt: float
+    y1: float
+    y2: float
+    sd1: float
+    sd2: float
+
+    def solved(self, method: FixMethod, **more: Any) -> tuple[bottomlock.VelocityFixes, Array]:  # noqa: ANN401
+        """The fix, a lost beam carrying NaN, and the directions of the beams."""
+        janus, sd = bottomlock.BeamGeometry.janus(self.tilt), np.array([self.sd1, self.sd2, 0.042, 0.042])
+        y = np.array([[self.y1, self.y2, np.nan, np.nan]])
+        fix = bottomlock.solve_velocity(janus, y, VALID, method=method, beam_sd_mps=sd, **more)
+        return fix, beams.x_janus(self.tilt)
+
+
+PINGS = st.builds(Ping, tilts, readings, readings, sds, sds)
+EPSILONS = st.floats(1e-4, 1e-1)
+
+
+def prior_of(velocity: Array, cov: Array) -> dict[str, Any]:
+    return {"prior_velocity_p_mps": velocity[None], "prior_cov_m2ps2": cov[None]}
 
 
 def close(got: Array | float, expected: Array | float) -> None:
@@ -46,43 +50,22 @@ def close(got: Array | float, expected: Array | float) -> None:
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * scale)
 
 
-@given(
-    tilt=tilts,
-    y1=readings,
-    y2=readings,
-    sd1=sds,
-    sd2=sds,
-    prior=sea.velocities,
-    cov=sea.covariances(0.05),
-    n_f=st.floats(1, 10),
-)
-def test_virtual_beam(
-    tilt: float, y1: float, y2: float, sd1: float, sd2: float, prior: Array, cov: Array, n_f: float
-) -> None:
+@given(PINGS, sea.velocities, sea.covariances(0.05), st.floats(1, 10))
+def test_virtual_beam(ping: Ping, prior: Array, cov: Array, n_f: float) -> None:
     """Eqs. 25 and 30, with the whole prior covariance in Eq. 28 (erratum E6)."""
-    fix = solve(
-        tilt,
-        y1,
-        y2,
-        sd1,
-        sd2,
-        "virtual_beam",
-        prior_velocity_p_mps=prior[None],
-        prior_cov_m2ps2=cov[None],
-        virtual_beam_factor=n_f,
-    )
-    b = beams.x_janus(tilt)
+    fix, b = ping.solved("virtual_beam", virtual_beam_factor=n_f, **prior_of(prior, cov))
+    _, y1, y2, sd1, sd2 = ping
     close(fix.velocity_p_mps[0], paper.virtual_beam_velocity(b, y1, y2, prior))
     sd3 = paper.third_beam_sd_corrected(b, cov, n_f)
     close(fix.cov_m2ps2[0], paper.virtual_beam_covariance_by_propagation(b, sd1, sd2, sd3))
     assert fix.status[0] == 0
 
 
-@given(tilt=tilts, y1=readings, y2=readings, sd1=sds, sd2=sds, epsilon=st.floats(1e-4, 1e-1))
-def test_nullified_sway(tilt: float, y1: float, y2: float, sd1: float, sd2: float, epsilon: float) -> None:
+@given(PINGS, EPSILONS)
+def test_nullified_sway(ping: Ping, epsilon: float) -> None:
     """Eqs. 33 and 35: R₀ as printed for surge; for heave plus what the sway's ε leaks into it."""
-    fix = solve(tilt, y1, y2, sd1, sd2, "nullified_sway", nullified_sway_var_m2ps2=epsilon)
-    b = beams.x_janus(tilt)
+    fix, b = ping.solved("nullified_sway", nullified_sway_var_m2ps2=epsilon)
+    _, y1, y2, sd1, sd2 = ping
     close(fix.velocity_p_mps[0], paper.nullified_sway_velocity(b, y1, y2))
     cov, R_0 = fix.cov_m2ps2[0], paper.nullified_sway_r0(b, sd1, sd2)
     close(cov, paper.nullified_sway_covariance_corrected(b, sd1, sd2, epsilon))
@@ -91,28 +74,22 @@ def test_nullified_sway(tilt: float, y1: float, y2: float, sd1: float, sd2: floa
     close(cov[2, 2] - epsilon * (b[0, 1] / b[0, 2]) ** 2, R_0[1, 1])
 
 
-@given(tilt=tilts, y1=readings, y2=readings, sd1=sds, sd2=sds)
-def test_partial_loose(tilt: float, y1: float, y2: float, sd1: float, sd2: float) -> None:
+@given(PINGS)
+def test_partial_loose(ping: Ping) -> None:
     """Eqs. 40 and 41; sway and heave are absent rather than infinitely uncertain (Eq. 43)."""
-    fix = solve(tilt, y1, y2, sd1, sd2, "partial_loose")
-    b = beams.x_janus(tilt)
+    fix, b = ping.solved("partial_loose")
+    _, y1, y2, sd1, sd2 = ping
     close(fix.velocity_p_mps[0, 0], paper.partial_loose_surge(b, y1, y2))
     close(fix.cov_m2ps2[0, 0, 0], paper.partial_loose_surge_variance(b, sd1, sd2))
     assert np.isnan(fix.velocity_p_mps[0, 1:]).all()
     assert fix.component[0].tolist() == [0, 2, 2]
 
 
-@given(
-    tilt=tilts, y1=readings, y2=readings, sd1=sds, sd2=sds, prior=sea.velocities, cov=sea.covariances(0.05)
-)
-def test_virtual_heave(
-    tilt: float, y1: float, y2: float, sd1: float, sd2: float, prior: Array, cov: Array
-) -> None:
+@given(PINGS, sea.velocities, sea.covariances(0.05))
+def test_virtual_heave(ping: Ping, prior: Array, cov: Array) -> None:
     """Eqs. 40, 45 and 46 with the plus sign of erratum E1, never the printed minus; heave is not handed back."""
-    fix = solve(
-        tilt, y1, y2, sd1, sd2, "virtual_heave", prior_velocity_p_mps=prior[None], prior_cov_m2ps2=cov[None]
-    )
-    b, heave_sd = beams.x_janus(tilt), float(np.sqrt(cov[2, 2]))
+    fix, b = ping.solved("virtual_heave", **prior_of(prior, cov))
+    (_, y1, y2, sd1, sd2), heave_sd = ping, float(np.sqrt(cov[2, 2]))
     got = fix.cov_m2ps2[0]
     close(fix.velocity_p_mps[0, 0], paper.partial_loose_surge(b, y1, y2))
     close(fix.velocity_p_mps[0, 1], paper.virtual_heave_sway(b, y1, y2, prior[2]))
@@ -123,23 +100,11 @@ def test_virtual_heave(
     assert np.isnan(fix.velocity_p_mps[0, 2])
 
 
-@given(
-    tilt=tilts,
-    y1=readings,
-    y2=readings,
-    sd1=sds,
-    sd2=sds,
-    prior=sea.velocities,
-    cov=sea.covariances(0.05),
-    epsilon=st.floats(1e-4, 1e-1),
-)
-def test_selector(
-    tilt: float, y1: float, y2: float, sd1: float, sd2: float, prior: Array, cov: Array, epsilon: float
-) -> None:
+@given(PINGS, sea.velocities, sea.covariances(0.05), EPSILONS)
+def test_selector(ping: Ping, prior: Array, cov: Array, epsilon: float) -> None:
     """Eqs. 48 and 49: per axis the least of the four variances, diagonal, each with its own method's velocity."""
-    more = {"prior_velocity_p_mps": prior[None], "prior_cov_m2ps2": cov[None]}
-    fix = solve(tilt, y1, y2, sd1, sd2, "selector", nullified_sway_var_m2ps2=epsilon, **more)
-    b = beams.x_janus(tilt)
+    fix, b = ping.solved("selector", nullified_sway_var_m2ps2=epsilon, **prior_of(prior, cov))
+    _, y1, y2, sd1, sd2 = ping
     surge = paper.partial_loose_surge_variance(b, sd1, sd2)
     sway = paper.virtual_heave_sway_variance_corrected(b, sd1, sd2, float(np.sqrt(cov[2, 2])))
     sd3 = paper.third_beam_sd_corrected(b, cov, 1.0)

@@ -23,6 +23,13 @@ METHODS = [
     "information",
     "weak_sway",
 ]
+NOISES = sea.numbers(-0.3, 0.3, 5)
+
+
+def solved(of: sea.Instrument, y: Array, valid: Array, method: Any, **more: Any) -> bottomlock.VelocityFixes:  # noqa: ANN401
+    """One ping."""
+    geometry = more.pop("geometry", of.geometry)
+    return bottomlock.solve_velocity(geometry, y[None], valid[None], method=method, beam_sd_mps=of.sd, **more)
 
 
 def readings(instrument: sea.Instrument, velocity: Array, noise: Array) -> Array:
@@ -30,13 +37,7 @@ def readings(instrument: sea.Instrument, velocity: Array, noise: Array) -> Array
     return instrument.directions @ velocity + noise[: instrument.beams]
 
 
-@given(
-    instrument=sea.instruments(),
-    velocity=sea.velocities,
-    rate=sea.rates,
-    noise=sea.numbers(-0.3, 0.3, 5),
-    data=st.data(),
-)
+@given(sea.instruments(), sea.velocities, sea.rates, NOISES, st.data())
 def test_least_squares_is_equations_17_and_19(
     instrument: sea.Instrument, velocity: Array, rate: Array, noise: Array, data: st.DataObject
 ) -> None:
@@ -46,14 +47,7 @@ def test_least_squares_is_equations_17_and_19(
         [b @ np.cross(rate, lever) for b, lever in zip(instrument.directions, instrument.levers, strict=True)]
     )
     y = readings(instrument, velocity, noise)
-    fix = bottomlock.solve_velocity(
-        instrument.geometry,
-        (y + spin)[None],
-        valid[None],
-        method="least_squares",
-        beam_sd_mps=instrument.sd,
-        omega_tp_p_radps=rate[None],
-    )
+    fix = solved(instrument, y + spin, valid, "least_squares", omega_tp_p_radps=rate[None])
     A, R = instrument.directions[valid], np.diag(instrument.sd[valid] ** 2)
     cov = oracle.velocity_covariance(A, R)
     # The oracle inverts AᵀWA, so its own rounding grows with the condition number (up to 1e4 here).
@@ -72,18 +66,16 @@ def test_perfect_beams_give_the_observed_part_back(
     """Whatever is lost, what is reported of a noise-free velocity is that velocity: nothing is made up."""
     valid = data.draw(sea.masks(instrument.beams, 1))
     y = instrument.directions @ velocity
-    fix = bottomlock.solve_velocity(
-        instrument.geometry, y[None], valid[None], method=method, beam_sd_mps=instrument.sd
-    )
-    solved = fix.component[0] == 0
-    np.testing.assert_allclose(fix.velocity_p_mps[0][solved], velocity[solved], atol=1e-9)
-    assert np.isnan(fix.velocity_p_mps[0][~solved]).all()
+    fix = solved(instrument, y, valid, method)
+    found = fix.component[0] == 0
+    np.testing.assert_allclose(fix.velocity_p_mps[0][found], velocity[found], atol=1e-9)
+    assert np.isnan(fix.velocity_p_mps[0][~found]).all()
     rows = instrument.directions[valid]
     inside = np.linalg.pinv(rows) @ rows
     np.testing.assert_allclose(inside @ fix.observed_velocity_p_mps[0], inside @ velocity, atol=1e-9)
 
 
-@given(instrument=sea.instruments(), noise=sea.numbers(-0.3, 0.3, 5), data=st.data())
+@given(instrument=sea.instruments(), noise=NOISES, data=st.data())
 def test_information_is_that_of_the_rows(
     instrument: sea.Instrument, noise: Array, data: st.DataObject
 ) -> None:
@@ -91,15 +83,12 @@ def test_information_is_that_of_the_rows(
     valid = data.draw(sea.masks(instrument.beams, 1))
     A, W = instrument.directions[valid], np.diag(instrument.sd[valid] ** -2.0)
     expected = A.T @ W @ A
-    common: dict[str, Any] = {"beam_sd_mps": instrument.sd, "weak_sway_var_m2ps2": 2.0}
     y = readings(instrument, np.array([2.0, 0.1, 0.0]), noise)
-    fix = bottomlock.solve_velocity(instrument.geometry, y[None], valid[None], method="information", **common)
+    fix = solved(instrument, y, valid, "information")
     scale = np.abs(expected).max()
     np.testing.assert_allclose(fix.information_s2pm2[0], expected, atol=1e-10 * scale)
     if valid.sum() < 3:
-        weak = bottomlock.solve_velocity(
-            instrument.geometry, y[None], valid[None], method="weak_sway", **common
-        )
+        weak = solved(instrument, y, valid, "weak_sway", weak_sway_var_m2ps2=2.0)
         with_row = expected + np.diag([0.0, 0.5, 0.0])
         # It is reached through its inverse, the covariance: rounding grows with the condition of the rows, which are
         # nearly coplanar for pairs close to lateral (seen: 1.7e-7 of the largest entry, 0.02° from a lateral pair).
@@ -122,21 +111,12 @@ def inputs(
 
 @pytest.mark.first_cases(2)
 @given(
-    instrument=sea.instruments(),
-    velocity=sea.velocities,
-    cov=sea.covariances(),
-    noise=sea.numbers(-0.3, 0.3, 5),
-    data=st.data(),
+    instrument=sea.instruments(), velocity=sea.velocities, cov=sea.covariances(), noise=NOISES, data=st.data()
 )
 @pytest.mark.parametrize("method", METHODS)
 def test_renumbering_beams_changes_nothing(
-    method: FixMethod,
-    instrument: sea.Instrument,
-    velocity: Array,
-    cov: Array,
-    noise: Array,
-    data: st.DataObject,
-) -> None:
+    method: FixMethod, instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array, data: st.DataObject
+) -> None:  # fmt: skip
     """Beam numbers are names.
 
     A virtual beam must be chosen among the missing: equal candidates are told apart by number, so VB and the selector
@@ -147,13 +127,9 @@ def test_renumbering_beams_changes_nothing(
     if method in {"virtual_beam", "selector"}:
         assume(candidates_stand_out(instrument.directions, valid))
     y, prior = inputs(instrument, velocity, cov, noise)
-    plain = bottomlock.solve_velocity(
-        instrument.geometry, y[None], valid[None], method=method, beam_sd_mps=instrument.sd, **prior
-    )
+    plain = solved(instrument, y, valid, method, **prior)
     shuffled = sea.Instrument(instrument.directions[order], instrument.levers[order], instrument.sd[order])
-    other = bottomlock.solve_velocity(
-        shuffled.geometry, y[order][None], valid[order][None], method=method, beam_sd_mps=shuffled.sd, **prior
-    )
+    other = solved(shuffled, y[order], valid[order], method, **prior)
     np.testing.assert_array_equal(plain.component, other.component)
     np.testing.assert_array_equal(plain.rank, other.rank)
     np.testing.assert_allclose(plain.velocity_p_mps, other.velocity_p_mps, rtol=1e-8, atol=1e-8)
@@ -176,23 +152,14 @@ def candidates_stand_out(directions: Array, valid: Array) -> bool:
 
 
 @given(
-    instrument=sea.instruments(),
-    velocity=sea.velocities,
-    cov=sea.covariances(),
-    noise=sea.numbers(-0.3, 0.3, 5),
-    angles=sea.angles,
+    instrument=sea.instruments(), velocity=sea.velocities, cov=sea.covariances(), noise=NOISES, angles=sea.angles,
     data=st.data(),
-)
+)  # fmt: skip
 @pytest.mark.parametrize("method", ["least_squares", "virtual_beam", "information"])
 def test_rotating_mounting_and_velocity_together(
-    method: FixMethod,
-    instrument: sea.Instrument,
-    velocity: Array,
-    cov: Array,
-    noise: Array,
-    angles: tuple[float, float, float],
-    data: st.DataObject,
-) -> None:
+    method: FixMethod, instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array,
+    angles: tuple[float, float, float], data: st.DataObject,
+) -> None:  # fmt: skip
     """Where no platform axis is singled out, turning instrument, prior and vehicle turns the answer and no more."""
     valid = data.draw(sea.masks(instrument.beams, 1))
     if method == "virtual_beam":
@@ -205,9 +172,8 @@ def test_rotating_mounting_and_velocity_together(
         "prior_cov_m2ps2": ((turned_cov + turned_cov.T) / 2)[None],
     }
     mounted = bottomlock.BeamGeometry(instrument.directions, mounting_rpy_rad=np.array(angles))
-    common: dict[str, Any] = {"method": method, "beam_sd_mps": instrument.sd}
-    plain = bottomlock.solve_velocity(instrument.geometry, y[None], valid[None], **common, **prior)
-    other = bottomlock.solve_velocity(mounted, y[None], valid[None], **common, **turned_prior)
+    plain = solved(instrument, y, valid, method, **prior)
+    other = solved(instrument, y, valid, method, geometry=mounted, **turned_prior)
     assert plain.rank[0] == other.rank[0]
     seen, seen_turned = plain.observed_velocity_p_mps[0], other.observed_velocity_p_mps[0]
     np.testing.assert_allclose(turn @ seen, seen_turned, rtol=1e-8, atol=1e-8)

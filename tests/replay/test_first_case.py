@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, OutputError
@@ -48,7 +49,7 @@ def made(dive: Dive, folder: Path, imu: dict[str, Any], *files: Path, start_s: f
 
 
 def inertial(
-    dive: Dive, seconds: Floats | None = None, column: str = "t", names: str = "short", **units: Any  # noqa: ANN401
+    dive: Dive, seconds: NDArray[Any] | None = None, column: str = "t", names: str = "short", **units: Any  # noqa: ANN401
 ) -> dict[str, Any]:  # fmt: skip
     """A table of the IMU."""
     times = dive.imu_s + EPOCH_S if seconds is None else seconds

@@ -24,6 +24,7 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel.models import Calibration, DvlModel, Model
 from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
 from bottomlock.truth.truth import Truth, sample_times_ns
+from tests.drawn_log import drawn_log
 from tests.oracle import chi_squared
 from tests.oracle.calibrated_beams import readings
 
@@ -150,14 +151,9 @@ def _drawn(
         geometry.directions_p, LEVER_M, *_velocities(motion, true_ns), mounting_rad=true[:3], scale=scale
     )
     noise = model.of(DvlModel).beam_noise_sd_mps * random.normal(size=beams.shape)
-    log = {
-        "imu_time_ns": drawn["imu_time_ns"],
-        "force_p_mps2": drawn["imu_force_p_mps2"],
-        "omega_p_radps": drawn["imu_omega_p_radps"],
-        "dvl_time_ns": pings_ns,
-        "beam_velocity_mps": beams + drawn["dvl_bias_mps"] + noise,
-        "beam_valid": plan["beam_valid"],
-    }
+    log = drawn_log(
+        drawn, beam_velocity_mps=beams + drawn["dvl_bias_mps"] + noise, beam_valid=plan["beam_valid"]
+    )
     return log, drawn["initial"], true
 
 

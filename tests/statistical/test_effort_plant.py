@@ -80,10 +80,7 @@ def run(drag: float | None) -> dict[str, Floats]:
             simulation.geometry, arrays, model, plan, imu_sampling=simulation.scenario.imu.sampling,
             options=options, seed=1, trajectory_key=KEY, run=number,
         )  # fmt: skip
-        log: Any = drawn_log(drawn) | {
-            "heading_time_ns": drawn["heading_time_ns"],
-            "heading_rad": drawn["heading_rad"],
-        }
+        log = drawn_log(drawn, "heading")
         if drag is not None:
             log["effort_time_ns"] = times
             log["effort_force_p_n"] = force_p_n[rows] + draw.normal(size=(len(times), 3))

@@ -15,6 +15,7 @@ import pytest
 import bottomlock
 from bottomlock.kernel.models import DvlModel, Robust
 from tests.analytic import analytic_simulation
+from tests.drawn_log import drawn_log
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
@@ -45,7 +46,6 @@ def streams(lost: tuple[int, ...]) -> tuple[Any, ...]:
     silent = model.replace(dvl=model.of(DvlModel).replace(beam_noise_sd_mps=0.0))
     arrays: Any = truth.kernel_arrays()
     sample_ns = plan["sample_time_ns"][4::5]
-    none: Any = np.empty(0, dtype=np.int64)
     runs = []
     for run in range(RUNS):
         drawn = bottomlock.simulate_sensors(
@@ -56,22 +56,7 @@ def streams(lost: tuple[int, ...]) -> tuple[Any, ...]:
         noise = rng.standard_t(DEGREES, shape)
         valid = np.ones(shape, dtype=bool)
         valid[:, [beam - 1 for beam in lost]] = False
-        log = {
-            "imu_time_ns": drawn["imu_time_ns"],
-            "force_p_mps2": drawn["imu_force_p_mps2"],
-            "omega_p_radps": drawn["imu_omega_p_radps"],
-            "dvl_time_ns": drawn["dvl_time_ns"],
-            "beam_velocity_mps": drawn["dvl_velocity_mps"] + scale * noise,
-            "beam_valid": valid,
-            "depth_time_ns": none,
-            "depth_m": np.empty(0),
-            "heading_time_ns": none,
-            "heading_rad": np.empty(0),
-            "attitude_time_ns": none,
-            "attitude_t_p": np.empty((0, 4)),
-            "gps_time_ns": none,
-            "gps_position_t_m": np.empty((0, 3)),
-        }
+        log = drawn_log(drawn, beam_velocity_mps=drawn["dvl_velocity_mps"] + scale * noise, beam_valid=valid)
         runs.append((log, drawn["initial"]))
     at = np.searchsorted(arrays["time_ns"], sample_ns)
     return (

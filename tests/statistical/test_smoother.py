@@ -18,6 +18,7 @@ import pytest
 
 import bottomlock
 from tests.analytic import analytic_simulation
+from tests.drawn_log import drawn_log
 from tests.oracle import chi_squared
 from tests.oracle.rotations import Array, log_rotation, matrix_from_quaternion
 from tests.statistical.ensembles import SEED
@@ -26,20 +27,6 @@ pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 RUNS = 40
 STATES = 15
-
-
-def log_of(streams: dict[str, Any]) -> Any:  # noqa: ANN401 - a dict as the kernel takes it
-    """A log of drawn streams: IMU, every beam, and GPS."""
-    return {
-        "imu_time_ns": streams["imu_time_ns"],
-        "force_p_mps2": streams["imu_force_p_mps2"],
-        "omega_p_radps": streams["imu_omega_p_radps"],
-        "dvl_time_ns": streams["dvl_time_ns"],
-        "beam_velocity_mps": streams["dvl_velocity_mps"],
-        "beam_valid": np.ones_like(streams["dvl_valid"]),
-        "gps_time_ns": streams["gps_time_ns"],
-        "gps_position_t_m": streams["gps_position_t_m"],
-    }
 
 
 @lru_cache(maxsize=4)
@@ -59,17 +46,11 @@ def run_smoother(trajectory: str) -> dict[str, Array]:
         streams = bottomlock.simulate_sensors(
             simulation.geometry, arrays, model, plan, seed=SEED, trajectory_key=17, run=run
         )
+        log = drawn_log(streams, "gps", beam_valid=np.ones_like(streams["dvl_valid"]))
         estimates: Any = bottomlock.replay_log(
-            simulation.geometry,
-            model,
-            options,
-            ["lc"],
-            log_of(streams),
-            streams["initial"],
-            sample_time_ns=sample_ns,
-            smooth=True,
+            simulation.geometry, model, options, ["lc"], log, streams["initial"], sample_time_ns=sample_ns, smooth=True,
             covariances=True,
-        )
+        )  # fmt: skip
         for prefix in ("", "smoothed_"):
             error = np.empty((len(at), STATES))
             error[:, :3] = arrays["position_t_m"][at] - estimates[prefix + "position_t_m"][0]
