@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import model_validator
 
 from bottomlock import units
-from bottomlock.config.section import SensorErrors, Vector, shown
+from bottomlock.config.section import SensorErrors, Triple, Vector, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
@@ -42,9 +42,9 @@ class EffortErrors(ThroughWaterErrors, kernel=models.EffortModel):
     An axis without drag is not used.
     """
 
-    mass_kg: Annotated[Vector, shown(example=[19.9, 20.6, 32.2])]
-    linear_drag_kg_per_s: Annotated[Vector, shown(example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)
-    quadratic_drag_kg_per_m: Annotated[Vector, shown(example=[141.0, 217.0, 190.0])] = (0.0, 0.0, 0.0)
+    mass_kg: Annotated[Triple, shown(example=[19.9, 20.6, 32.2])]
+    linear_drag_kg_per_s: Annotated[Triple, shown(example=[13.7, 0.0, 33.0])] = (0.0, 0.0, 0.0)
+    quadratic_drag_kg_per_m: Annotated[Triple, shown(example=[141.0, 217.0, 190.0])] = (0.0, 0.0, 0.0)
     buoyancy_n: Finite = 0.0
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """the place that mass and drag refer to, platform frame"""
@@ -55,9 +55,6 @@ class EffortErrors(ThroughWaterErrors, kernel=models.EffortModel):
 
     @model_validator(mode="after")
     def _has_drag(self) -> Self:
-        for key in ("mass_kg", "linear_drag_kg_per_s", "quadratic_drag_kg_per_m"):
-            if min(getattr(self, key)) < 0.0:
-                raise ValueError(f"{key} is {getattr(self, key)}, expected numbers of 0 or more")
         drags = zip(self.linear_drag_kg_per_s, self.quadratic_drag_kg_per_m, strict=True)
         has_drag = [max(drag) > 0.0 for drag in drags]
         if not any(has_drag):

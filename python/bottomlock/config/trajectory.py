@@ -1,6 +1,5 @@
 """The section `[trajectory]` of a scenario: the true motion, of a vehicle, analytic or from a file."""
 
-from collections.abc import Set as AbstractSet
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -86,7 +85,23 @@ class Trajectory(Section):
 
     @model_validator(mode="after")
     def _of_one_source(self) -> Self:
-        check_source(self.source, self.kind, self.model_fields_set)
+        source, kind, given = self.source, self.kind, self.model_fields_set
+        for name, keys in _KEYS.items():
+            wrong = [key for key in keys if key in given and name != source]
+            if wrong:
+                hint = "; [mission] sets the vehicle's path" if source == "vehicle" else ""
+                raise ValueError(
+                    f'\'{wrong[0]}\' belongs to source = "{name}", and the source is "{source}"{hint}'
+                )
+        for alone, other in (("constant_turn", "analytic"), ("waypoints", "vehicle")):
+            if kind == alone and source not in {other, "file"}:
+                raise ValueError(f"kind '{kind}' exists with source = \"{other}\" alone")
+        if (source == "file") != (kind == "file"):
+            raise ValueError(
+                "kind 'file' and source 'file' exist together: give the key file, and neither of the two"
+            )
+        if source == "file" and "file" not in given:
+            raise ValueError('source = "file" needs the key file')
         if self.pilot != "own":
             check_methods([self.pilot])
         return self
@@ -94,39 +109,9 @@ class Trajectory(Section):
     @model_serializer(mode="wrap")
     def _of_its_source(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leaves out the keys that would mean something else if they were given: what is dumped can be read again."""
-        strange = others_keys(self.source)
+        strange = {key for name, keys in _KEYS.items() if name != self.source for key in keys}
         # A path through waypoints ends at the last of them, unless it has a duration; so does one from a file.
         strange |= {"duration_s"} if self.kind in {"waypoints", "file"} else set()
         strange |= {"speed_mps"} if self.kind == "file" else set()
         dumped: dict[str, Any] = handler(self)
         return {key: value for key, value in dumped.items() if key not in strange - self.model_fields_set}
-
-
-def others_keys(source: str) -> set[str]:
-    """Keys that belong to another source than this one."""
-    return {key for name, keys in _KEYS.items() if name != source for key in keys}
-
-
-def check_source(source: str, kind: str, given: AbstractSet[str]) -> None:
-    """Checks that every key that is given belongs to the source.
-
-    Raises:
-        ValueError: naming the key.
-    """
-    for name, keys in _KEYS.items():
-        for key in keys if name != source else ():
-            if key in given:
-                raise ValueError(
-                    f'\'{key}\' belongs to source = "{name}", and the source is "{source}"'
-                    + ("; [mission] sets the vehicle's path" if source == "vehicle" else "")
-                )
-    if source == "vehicle" and kind == "constant_turn":
-        raise ValueError("kind 'constant_turn' exists with source = \"analytic\" alone")
-    if source == "analytic" and kind == "waypoints":
-        raise ValueError("kind 'waypoints' exists with source = \"vehicle\" alone")
-    if (source == "file") != (kind == "file"):
-        raise ValueError(
-            "kind 'file' and source 'file' exist together: give the key file, and neither of the two"
-        )
-    if source == "file" and "file" not in given:
-        raise ValueError('source = "file" needs the key file')

@@ -23,7 +23,6 @@ Examples:
     ('accepted', True)
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NewType
 
@@ -161,15 +160,15 @@ class VelocityFixes:
             "status": [STATUS[code] for code in self.status],
             "rank": self.rank,
         }
-        for k, axis in enumerate(axes):
-            columns[f"{axis}_mps"] = self.velocity_p_mps[:, k]
-        for k, axis in enumerate(axes):
-            columns[f"{axis}_status"] = [COMPONENT_STATUS[code] for code in self.component[:, k]]
-        for k, axis in enumerate(axes):
-            columns[f"{axis}_source"] = [SOURCES[code] for code in self.source[:, k]]
-        for k, first in enumerate(axes):
-            for other in range(k, 3):
-                columns[f"cov_{first}_{axes[other]}_m2ps2"] = self.cov_m2ps2[:, k, other]
+        columns |= {f"{axis}_mps": self.velocity_p_mps[:, k] for k, axis in enumerate(axes)}
+        for codes, names, ending in (
+            (self.component, COMPONENT_STATUS, "status"),
+            (self.source, SOURCES, "source"),
+        ):
+            for k, axis in enumerate(axes):
+                columns[f"{axis}_{ending}"] = [names[code] for code in codes[:, k]]
+        for k, other in np.argwhere(np.triu(np.ones((3, 3)))).tolist():
+            columns[f"cov_{axes[k]}_{axes[other]}_m2ps2"] = self.cov_m2ps2[:, k, other]
         for beam in range(self.beams_used.shape[1]):
             columns[f"beam{beam + 1}_used"] = self.beams_used[:, beam]
         floats = [name for name, value in columns.items() if getattr(value, "dtype", None) == np.float64]
@@ -306,12 +305,9 @@ def solve_velocity(
     return VelocityFixes(**solution)
 
 
-_SHOWN: tuple[tuple[type, str, Callable[[Any], str]], ...] = (
-    (Navigator, "__repr__", lambda one: navigator_line(one.state(), one.covariance())),
-    (Navigator, "_repr_html_", lambda one: navigator_table(one.state(), one.covariance())),
-    (BeamGeometry, "__repr__", lambda one: geometry_line(one.directions_p)),
-    (BeamGeometry, "_repr_html_", lambda one: geometry_table(one.directions_p, one.lever_arms_p_m)),
-)
-"""What a terminal and a notebook show of the compiled classes: words are no part of the kernel."""
-for _class, _name, _words in _SHOWN:
-    setattr(_class, _name, _words)
+# What a terminal and a notebook show of the compiled classes: words are no part of the kernel.
+for _name, _navigator, _geometry in (
+    ("__repr__", navigator_line, geometry_line), ("_repr_html_", navigator_table, geometry_table),
+):  # fmt: skip
+    setattr(Navigator, _name, _navigator)
+    setattr(BeamGeometry, _name, _geometry)

@@ -1,12 +1,15 @@
 """The kernel's classes in a line, and as a table for a notebook; `bottomlock.kernel` gives them to the classes."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.support.notebook import html_table
+
+if TYPE_CHECKING:
+    from bottomlock.kernel import BeamGeometry, Navigator
 
 Array = NDArray[np.float64]
 
@@ -17,30 +20,35 @@ _PARTS = (
 """Name, unit, key of the state, axes and place of the error in the covariance."""
 
 
-def navigator_line(state: Mapping[str, Any], covariance: Array) -> str:
-    """Time, position and velocity with their 1 sigma.
-
-    Args:
-        state: as `Navigator.state` returns it.
-        covariance: (n, n) as `Navigator.covariance` returns it.
-    """
-    parts = []
-    for name, unit, key, _, place in _PARTS:
-        pairs = zip(state[key], np.sqrt(np.diag(covariance)[place]), strict=True)
-        parts.append(f"{name} ({', '.join(f'{value:.3g} ± {sd:.2g}' for value, sd in pairs)}) {unit}")
-    return f"<Navigator at {state['time_ns'] * 1e-9:.3f} s: {', '.join(parts)}>"
+def _title(navigator: "Navigator") -> str:
+    return f"Navigator at {navigator.state()['time_ns'] * 1e-9:.3f} s"
 
 
-def navigator_table(state: Mapping[str, Any], covariance: Array) -> str:
-    """Position and velocity by axis, each with its 1 sigma; arguments as `navigator_line`."""
-    rows = []
+def _estimates(navigator: "Navigator") -> Iterator[tuple[str, str, list[tuple[str, float, float]]]]:
+    """Position and velocity: name, unit, and of each axis its name, the estimate and its 1 sigma."""
+    state: Any = navigator.state()
+    sds = np.sqrt(np.diag(navigator.covariance()))
     for name, unit, key, axes, place in _PARTS:
-        sds = np.sqrt(np.diag(covariance)[place])
-        rows += [
-            (f"{name} {axis}, {unit}", f"{value:.4g}", f"{sd:.2g}")
-            for axis, value, sd in zip(axes, state[key], sds, strict=True)
-        ]
-    return html_table(f"Navigator at {state['time_ns'] * 1e-9:.3f} s", rows, ("", "estimate", "1 σ"))
+        yield name, unit, list(zip(axes, state[key], sds[place], strict=True))
+
+
+def navigator_line(navigator: "Navigator") -> str:
+    """Time, position and velocity with their 1 sigma."""
+    parts = [
+        f"{name} ({', '.join(f'{value:.3g} ± {sd:.2g}' for _, value, sd in axes)}) {unit}"
+        for name, unit, axes in _estimates(navigator)
+    ]
+    return f"<{_title(navigator)}: {', '.join(parts)}>"
+
+
+def navigator_table(navigator: "Navigator") -> str:
+    """Position and velocity by axis, each with its 1 sigma."""
+    rows = [
+        (f"{name} {axis}, {unit}", f"{value:.4g}", f"{sd:.2g}")
+        for name, unit, axes in _estimates(navigator)
+        for axis, value, sd in axes
+    ]
+    return html_table(_title(navigator), rows, ("", "estimate", "1 σ"))
 
 
 def beam_angles_deg(directions_p: Array) -> tuple[Array, Array]:
@@ -54,24 +62,24 @@ def beam_angles_deg(directions_p: Array) -> tuple[Array, Array]:
     return tilt, np.degrees(np.arctan2(directions_p[:, 1], directions_p[:, 0]))
 
 
-def geometry_line(directions_p: Array) -> str:
+def geometry_line(geometry: "BeamGeometry") -> str:
     """Number of beams, their tilts and azimuths."""
-    tilt, azimuth = beam_angles_deg(directions_p)
+    tilt, azimuth = beam_angles_deg(geometry.directions_p)
     tilts = dict.fromkeys(f"{value:.4g}" for value in tilt)
-    azimuths = ", ".join(f"{value:.4g}" for value in azimuth)
-    return f"<BeamGeometry: {len(tilt)} beams, tilt {', '.join(tilts)} deg, azimuths {azimuths} deg>"
+    return f"<BeamGeometry: {len(tilt)} beams, tilt {', '.join(tilts)} deg, azimuths {_listed(azimuth)} deg>"
 
 
-def geometry_table(directions_p: Array, lever_arms_p_m: Array) -> str:
+def geometry_table(geometry: "BeamGeometry") -> str:
     """Tilt, azimuth, direction and lever arm of each beam, platform axes."""
+    directions, levers = geometry.directions_p, geometry.lever_arms_p_m
     rows = [
-        (str(k + 1), f"{tilt:.4g}", f"{azimuth:.4g}", _three(directions_p[k]), _three(lever_arms_p_m[k]))
-        for k, (tilt, azimuth) in enumerate(zip(*beam_angles_deg(directions_p), strict=True))
+        (str(k + 1), f"{tilt:.4g}", f"{azimuth:.4g}", _listed(directions[k]), _listed(levers[k]))
+        for k, (tilt, azimuth) in enumerate(zip(*beam_angles_deg(directions), strict=True))
     ]
     return html_table(
         "BeamGeometry", rows, ("beam", "tilt, deg", "azimuth, deg", "direction", "lever arm, m")
     )
 
 
-def _three(vector: Array) -> str:
-    return ", ".join(f"{value:.4g}" for value in vector)
+def _listed(numbers: Array) -> str:
+    return ", ".join(f"{value:.4g}" for value in numbers)
