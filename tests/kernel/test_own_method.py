@@ -14,8 +14,8 @@ import pytest
 import bottomlock
 from bottomlock import kernel, own_method
 from bottomlock.campaign.run import run_campaign
-from bottomlock.config.own_methods import own_methods_from
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
+from bottomlock.config.validation import checked
 from bottomlock.errors import KernelError, OutputError, ScenarioError
 from bottomlock.kernel.models import Calibration
 from bottomlock.own_method import Beams, Fix, Prior, Rows
@@ -338,9 +338,8 @@ def test_files_are_meant_from_the_scenario_and_from_the_case(root: Path, tmp_pat
     text = text.replace("partial_loose.py:PartialLoose", "mine.py:Mine")
     scenario = parse_scenario(text, place="s.toml", folder=tmp_path)
     assert scenario.campaign.methods == ("tc", "plcf", "mine_too")
-    section: dict[str, Any] = {"methods": ["mine.py:Mine", "tc"]}
-    own_methods_from(section, tmp_path)
-    assert Settings.model_validate(section).methods == ("mine_too", "tc")
+    section = {"methods": ["mine.py:Mine", "tc"]}
+    assert checked(Settings, section, "case.toml: replay", tmp_path).methods == ("mine_too", "tc")
 
 
 def test_the_page_shows_the_example(root: Path) -> None:

@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from bottomlock import units
 from bottomlock.config.calibration import StatedCalibration
-from bottomlock.config.section import Section, in_si, shown
+from bottomlock.config.section import PackagedOrFile, Section, in_si, shown
 from bottomlock.kernel import models
 from bottomlock.kernel.models import NonNegative, Positive
 
@@ -31,7 +31,7 @@ class DvlErrors(Section, kernel=models.DvlModel):
 class DvlSettings(Section):
     """The DVL: its geometry (packaged name or TOML file), the noise of its beams and the other errors, 1 sigma."""
 
-    geometry: Annotated[str, shown(example="waterlinked_a50")]
+    geometry: Annotated[str, PackagedOrFile, shown(example="waterlinked_a50")]
     """geometry of the DVL, packaged or a file"""
     beam_noise_mps: Annotated[Positive | None, shown(example=0.02)] = None
     """white noise of a beam, 1 sigma; none: the geometry's"""

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from bottomlock.config.section import Section, shown
+from bottomlock.config.section import PackagedOrFile, Section, shown
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
 Speed = Annotated[float, Field(gt=0.0, le=50.0)]
@@ -159,7 +159,7 @@ class GridSeabedTable(Section):
 
     kind: Literal["grid"]
     """a grid of your own"""
-    path: Annotated[Path, shown(example="harbour.npz")]
+    path: Annotated[Path, PackagedOrFile, shown(example="harbour.npz")]
     """file of the grid, TOML or npz, from the scenario's folder"""
 
 

@@ -1,13 +1,12 @@
 """Methods of one's own in a scenario or a case: where they come from, and their names among the methods."""
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler, ValidationInfo, model_serializer, model_validator
 
 from bottomlock import own_method
-from bottomlock.config.section import Section, shown
+from bottomlock.config.section import Section, in_folder, shown
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import known_names, not_replaced
 from bottomlock.support.nearest import did_you_mean
@@ -22,16 +21,17 @@ class OwnMethods(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _loaded(cls, data: Any) -> Any:  # noqa: ANN401 - whatever a file holds
-        """Loads every method, so that a fault shows before anything runs."""
+    def _loaded(cls, data: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever a file holds
+        """Loads every method, so that a fault shows before anything runs; files from the folder of the settings."""
         if not isinstance(data, dict):
             return data
         own, methods = data.get("own_methods", ()), data.get("methods", ())
         if not isinstance(own, list | tuple) or not isinstance(methods, list | tuple):
             return data
-        named = all(isinstance(one, str) or own_method.is_method(one) for one in methods)
-        if not named or not all(isinstance(place, str) for place in own):
+        are_methods = all(isinstance(one, str) or own_method.is_method(one) for one in methods)
+        if not are_methods or not all(isinstance(place, str) for place in own):
             return data
+        own, methods = ([_found(one, info) for one in named] for named in (own, methods))
         names = [own_method.name_of(method) for method in methods]
         there = {own_method.load(place) for place in own}
         others = [own_method.place_of(name) for name in names if name not in there]
@@ -48,16 +48,8 @@ class OwnMethods(Section):
         return {key: value for key, value in dumped.items() if key != "own_methods" or value}
 
 
-def own_methods_from(section: Any, folder: Path | None) -> None:  # noqa: ANN401 - whatever a file holds
-    """Makes the files of a section's methods relative to the folder of the file that names them, in place."""
-    if folder is None or not isinstance(section, dict):
-        return
-    for key in ("methods", "own_methods"):
-        names = section.get(key)
-        if isinstance(names, list):
-            section[key] = [
-                str(folder / name) if isinstance(name, str) and ".py:" in name else name for name in names
-            ]
+def _found(method: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - a name, a place or a class
+    return in_folder(method, info) if isinstance(method, str) and ".py:" in method else method
 
 
 def check_methods(methods: Iterable[str]) -> None:

@@ -10,8 +10,13 @@ from pydantic import Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.imu import Imu
-from bottomlock.config.mission_sections import MISSION_KINDS, AnyMission, AnySeabed, CurrentTable
-from bottomlock.config.own_methods import own_methods_from
+from bottomlock.config.mission_sections import (
+    MISSION_KINDS,
+    AnyMission,
+    AnySeabed,
+    CurrentTable,
+    GridSeabedTable,
+)
 from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.scenario_sections import (
     Campaign,
@@ -125,9 +130,9 @@ class Scenario(SensorSections):
 
     def files(self) -> list[Path]:
         """The files that it names."""
-        content = self.model_dump(mode="json", include={section for section, _ in _FILES})
-        named = [(content.get(section) or {}).get(key) for section, key in _FILES]
-        return [Path(one) for one in named if isinstance(one, str) and Path(one).suffix]
+        seabed = self.seabed.path if isinstance(self.seabed, GridSeabedTable) else None
+        named = (seabed, self.dvl.replay_validity, self.trajectory.vehicle, self.trajectory.file)
+        return [Path(one) for one in named if one is not None and Path(one).suffix]
 
     def __repr__(self) -> str:
         """Name, path, beams, sensors and runs in a line."""
@@ -291,10 +296,6 @@ def load_scenario(source: Scenario | str | Path) -> Scenario:
     return parse_scenario(text, place=place, folder=Path(source).parent)
 
 
-_FILES = (("seabed", "path"), ("dvl", "replay_validity"), ("trajectory", "vehicle"), ("trajectory", "file"))
-"""Keys that may name a file; a relative one is meant from the scenario's own folder."""
-
-
 def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scenario:
     """A scenario from TOML text; `place` names it in errors, files that it names are looked for from `folder`.
 
@@ -302,18 +303,8 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
         ScenarioError: as `load_scenario`.
     """
     content = parse_toml(text, place=place, kind="scenario")
-    own_methods_from(content.get("campaign"), folder)
     if "dvl" not in content:
         raise ScenarioError(
             "there is no [dvl] section", place=place, hint="a scenario needs one to aid the INS with"
         )
-    return checked(Scenario, _with_files(content, folder), place)
-
-
-def _with_files(content: dict[str, Any], folder: Path | None) -> dict[str, Any]:
-    """The tables with the files that they name looked for from a folder."""
-    for section, key in _FILES:
-        named = content.get(section, {}).get(key) if isinstance(content.get(section), dict) else None
-        if folder is not None and isinstance(named, str) and Path(named).suffix:
-            content[section][key] = str(folder / named)
-    return content
+    return checked(Scenario, content, place, folder)

@@ -14,7 +14,7 @@ from bottomlock.config.beam_layout import BeamLayout, BeamTilt
 from bottomlock.config.dvl_errors import DvlErrors
 from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.own_methods import OwnMethods, known_methods
-from bottomlock.config.section import Earth, Outliers, Section, Triple, shown
+from bottomlock.config.section import Earth, Outliers, PackagedOrFile, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
@@ -96,7 +96,7 @@ class Dvl(Outliers, DvlErrors, BeamLayout):
     outages: tuple[Outage, ...] = ()
     dropouts: tuple[Dropout, ...] = ()
     altitude_loss: AltitudeLoss | None = None
-    replay_validity: Annotated[str | None, shown(example="dive.parquet")] = None
+    replay_validity: Annotated[Annotated[str, PackagedOrFile] | None, shown(example="dive.parquet")] = None
     """beam table of a recorded log whose validity is repeated end to end, from the scenario's folder"""
 
     @model_validator(mode="after")

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from bottomlock import units
 from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
@@ -12,6 +13,7 @@ from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 Vector = tuple[Finite, Finite, Finite]
+Named = TypeVar("Named", str, Path)
 Kernel = TypeVar("Kernel", bound=Settings)
 
 
@@ -94,6 +96,22 @@ def _settings_of(key: str) -> tuple[tuple[str, ...], Callable[[float], float] | 
     stem = key.removesuffix(end)
     likes = (stem, f"{stem}_sd", stem.replace("noise", "sd"), f"{stem}_t")
     return tuple(f"{like}{ending}" for like in likes), convert
+
+
+def in_folder(named: Named, info: ValidationInfo) -> Named:
+    """A file as it is found from the folder of the file that names it, where one does."""
+    folder = (info.context or {}).get("folder")
+    return named if folder is None else type(named)(folder / named)
+
+
+def _in_folder_if_file(named: Named, info: ValidationInfo) -> Named:
+    return in_folder(named, info) if Path(named).suffix else named
+
+
+InFolder = AfterValidator(in_folder)
+"""Of a key that names a file."""
+PackagedOrFile = AfterValidator(_in_folder_if_file)
+"""Of a key that names a file, with a suffix, or what is packaged."""
 
 
 def shown(*, unit: str = "", range: str = "", example: Any = None) -> Any:  # noqa: A002, ANN401 - of any key

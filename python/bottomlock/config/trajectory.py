@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from bottomlock.config.own_methods import check_methods
-from bottomlock.config.section import Section, shown
+from bottomlock.config.section import PackagedOrFile, Section, shown
 from bottomlock.kernel.models import NonNegative, Positive
 
 _KEYS = {
@@ -40,7 +40,7 @@ class Trajectory(Section):
     source: Literal["vehicle", "analytic", "file"] = "vehicle"
     """who makes the motion: a simulated vehicle under guidance, analytic functions with exact derivatives, or the
     splines through a file"""
-    vehicle: str = "tauv"
+    vehicle: Annotated[str, PackagedOrFile] = "tauv"
     """packaged vehicle, or a vehicle file, from the scenario's folder; source vehicle only"""
     feedback: Literal["truth", "estimate"] = "truth"
     """state that guidance and control use; with the estimate the path has the navigation error; source vehicle only"""
@@ -64,7 +64,7 @@ class Trajectory(Section):
     """length of a half turn of the lawn mower; source analytic only"""
     sway_gain_m: Annotated[float, Field(ge=-10, le=10)] = 0.6
     """sway over yaw rate in turns, m/s for each rad/s; source analytic only"""
-    file: Annotated[str | None, shown(example="nav.csv")] = None
+    file: Annotated[Annotated[str, PackagedOrFile] | None, shown(example="nav.csv")] = None
     """a path of your own: CSV or Parquet, from the scenario's folder; it alone says that the source is a file"""
     columns: Annotated[dict[str, str], shown(example={"time_s": "t", "north_m": "x"})] = Field(
         default_factory=dict

@@ -1,6 +1,7 @@
 """Error messages for settings files: place, key, value found, value expected, unit."""
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -71,14 +72,14 @@ def refusal(error: ValidationError, place: str, model: type[BaseModel]) -> Scena
     return refused
 
 
-def checked(model: type[Model], content: Mapping[str, Any], place: str) -> Model:
-    """The content of a settings file as its model.
+def checked(model: type[Model], content: Mapping[str, Any], place: str, folder: Path | None = None) -> Model:
+    """The content of a settings file as its model; `folder` is where the files are that it names.
 
     Raises:
         ScenarioError: a line per fault.
     """
     try:
-        return model.model_validate(content)
+        return model.model_validate(content, context={"folder": folder})
     except ValidationError as error:
         raise refusal(error, place, model) from error
 

@@ -2,8 +2,9 @@
 
 from typing import Annotated
 
-from pydantic import AfterValidator
+from pydantic import AfterValidator, ValidationInfo
 
+from bottomlock.config.section import in_folder
 from bottomlock.ports.address import Address, Kind, parse_address
 
 SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "udpout", "serial", "file", "stdin", "ros")
@@ -28,14 +29,19 @@ def sink_address(text: str) -> Address:
     return parse_address(text, SINKS, what="a target")
 
 
-def _source(text: str) -> str:
+def _source(text: str, info: ValidationInfo) -> str:
     source_address(text)
-    return text
+    return _in_folder(text, info)
 
 
-def _sink(text: str) -> str:
+def _sink(text: str, info: ValidationInfo) -> str:
     sink_address(text)
-    return text
+    return _in_folder(text, info)
+
+
+def _in_folder(text: str, info: ValidationInfo) -> str:
+    kind, colon, file = text.partition(":")
+    return f"{kind}{colon}{in_folder(file, info)}" if kind == "file" else text
 
 
 SourceAddress = Annotated[str, AfterValidator(_source)]

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 from pydantic import model_validator
 
-from bottomlock.config.section import shown
+from bottomlock.config.section import InFolder, shown
 from bottomlock.config.through_water import require_one_use
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
@@ -50,7 +50,7 @@ class LiveConfig(NavigatorConfig):
     """name on the page and in the log"""
     mode: Annotated[Mode, shown(example="velocity")]
     """velocity: what the beams of a ping determine; navigation: an inertial solution"""
-    case: Annotated[str | None, shown(example="dive.toml")] = None
+    case: Annotated[Annotated[str, InFolder] | None, shown(example="dive.toml")] = None
     """case of bottomlock replay whose sections count here; none: those of this file"""
     source: tuple[SourceSection, ...] = ()
     port: tuple[PortSection, ...] = ()
@@ -279,15 +279,13 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
         ScenarioError: as `load_config`.
     """
     content = parse_toml(text, place=place, kind="live configuration")
-    if folder is not None:
-        _from_folder(content, folder)
     if isinstance(content.get("case"), str):
         try:
-            content = with_case(content, Path(content["case"]))
+            content = with_case(content, (folder or Path()) / content["case"])
         except ScenarioError as error:
             raise ScenarioError(error, place=place) from error
     try:
-        config = checked(LiveConfig, content, place)
+        config = checked(LiveConfig, content, place, folder)
     except ScenarioError as error:
         # What only a sound configuration is asked for stands beside the other faults.
         missing = _missing(content) if content.get("mode") == "navigation" else ""
@@ -298,24 +296,3 @@ def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveCo
         return config.checked()
     except (ScenarioError, ValueError) as error:
         raise ScenarioError(error, place=place) from error
-
-
-_PATHS = (("dvl", "geometry"), ("log", "folder"), ("checkpoint", "file"))
-
-
-def _from_folder(content: dict[str, Any], folder: Path) -> None:
-    """Prefixes relative paths with the configuration's folder; a packaged geometry is no path."""
-    if isinstance(content.get("case"), str):
-        content["case"] = str(folder / content["case"])
-    for section, key in _PATHS:
-        table = content.get(section)
-        if not isinstance(table, dict):
-            continue
-        named = table.get(key)
-        if isinstance(named, str) and (key != "geometry" or named.endswith(".toml")):
-            table[key] = str(folder / named)
-    for section, key in (("source", "address"), ("port", "to")):
-        for table in content.get(section, ()) if isinstance(content.get(section), list) else ():
-            named = table.get(key) if isinstance(table, dict) else None
-            if isinstance(named, str) and named.startswith("file:"):
-                table[key] = f"file:{folder / named.removeprefix('file:')}"

@@ -71,8 +71,8 @@ def _sections(case: Mapping[str, Any], path: Path) -> dict[str, Any]:
     if case.get("gps", {}).get("aids") is False:
         del found["gps"]
     geometry = found.get("dvl", {}).get("geometry")
-    if isinstance(geometry, str) and geometry.endswith(".toml"):
-        found["dvl"]["geometry"] = str(path.parent / geometry)
+    if isinstance(geometry, str) and Path(geometry).suffix:
+        found["dvl"]["geometry"] = str(path.parent.absolute() / geometry)
     if isinstance(case.get("imu"), dict):
         found["imu"] = _imu(case["imu"], f"{path}: imu")
     if isinstance(case.get("start"), dict):

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
-from bottomlock.config.section import Earth, Section, Vector, shown
+from bottomlock.config.section import Earth, InFolder, Section, Vector, shown
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
@@ -343,7 +343,7 @@ class PortSection(Section):
 class LogSection(Section):
     """The raw log: every byte with its time of arrival, as MCAP, a new file at each start."""
 
-    folder: Annotated[str, shown(example="logs")]
+    folder: Annotated[str, InFolder, shown(example="logs")]
     """folder of the raw logs, from the configuration's"""
     flush_s: Annotated[float, Field(ge=0, le=60)] = 0.5
     """time after which bytes are on the disk"""
@@ -352,7 +352,7 @@ class LogSection(Section):
 class CheckpointSection(Section):
     """The navigator saved to a file every `every_s`; a start continues from it if it is not older than `max_age_s`."""
 
-    file: Annotated[str, shown(example="rov.checkpoint")]
+    file: Annotated[str, InFolder, shown(example="rov.checkpoint")]
     """file of the saved navigator, from the configuration's folder"""
     every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
     """interval between two savings"""

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import model_validator
 
 from bottomlock.config.dvl_errors import DvlSettings
-from bottomlock.config.section import shown
+from bottomlock.config.section import InFolder, shown
 from bottomlock.config.water_cells import WaterCells
 from bottomlock.kernel.models import Positive
 from bottomlock.recordings.stream_sections import Clock, ColumnTriple, ReorderedStream
@@ -76,6 +76,6 @@ class WaterTrackStream(WaterCells):
     for both. What-if cases remove beams of the bottom only.
     """
 
-    file: Annotated[Path | None, shown(example="beams_water.parquet")] = None
+    file: Annotated[Annotated[Path, InFolder] | None, shown(example="beams_water.parquet")] = None
     """water table of bottomlock convert; none: the one beside the beams of [dvl], beams_water.parquet of
     beams.parquet"""

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
-from bottomlock.config.section import Mounting, Section, Vector, shown
+from bottomlock.config.section import InFolder, Mounting, Section, Vector, shown
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
@@ -59,7 +59,7 @@ class Clock(Section):
 class Stream(Section):
     """A table of a case: file and clock; with `every` = n every n-th row is used."""
 
-    file: Annotated[Path, shown(example="imu.csv")]
+    file: Annotated[Path, InFolder, shown(example="imu.csv")]
     """table, CSV or Parquet, from the case's folder"""
     clock: Clock
     every: Annotated[int, Field(ge=1), shown(unit="1")] = 1

@@ -5,12 +5,12 @@ import json
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from bottomlock.config.calibration import CalibrationSection
-from bottomlock.config.own_methods import OwnMethods, known_methods, own_methods_from
+from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.config.section import Earth, Section, Vector, shown
 from bottomlock.config.through_water import require_one_use
@@ -313,20 +313,4 @@ def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
         ScenarioError: as `load_case`.
     """
     content = parse_toml(text, place=place, kind="replay case")
-    own_methods_from(content.get("replay"), folder)
-    if folder is not None:
-        _from_folder(content, folder)
-    return checked(Case, content, place)
-
-
-def _from_folder(table: dict[str, Any], folder: Path) -> None:
-    """Prefixes every `file`, and every `geometry` that names a TOML file, with the case's folder."""
-    for key, value in table.items():
-        if isinstance(value, dict):
-            _from_folder(value, folder)
-        elif isinstance(value, list):
-            for entry in value:
-                if isinstance(entry, dict):
-                    _from_folder(entry, folder)
-        elif isinstance(value, str) and (key == "file" or (key == "geometry" and value.endswith(".toml"))):
-            table[key] = str(folder / value)
+    return checked(Case, content, place, folder)
