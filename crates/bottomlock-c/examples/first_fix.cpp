@@ -12,7 +12,7 @@ int main() try {
     const std::vector<std::uint8_t> valid{1, 1, 1, 0};
     const bl::Geometry geometry(R"({"preset": "x_janus_20"})");
     const bl::Model model(R"({"preset": "tactical", "latitude_rad": 0.78, "initial": {"velocity_sd_mps": [0.3, 0.3, 0.3]}})");
-    auto start = bl::at_rest(0);
+    auto start = bl_state_at_rest(0);
     start.velocity_p_mps[0] = 1.9;
     bl::Navigator navigator(geometry, model, start, "tc");
 
