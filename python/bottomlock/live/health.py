@@ -6,8 +6,9 @@ Read only, and on the loopback address unless the configuration says otherwise. 
 import asyncio
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import resources
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -130,65 +131,56 @@ def _port(live: Live, place: int) -> dict[str, Any]:
     }
 
 
+_ONE_OF = {"reference": "angle", "gated": "sensor", "skipped": "why", "refused": "why"}
+"""What the keys of these are, in place of a part of the name."""
+_ROWS = {"beams": "beam", "sources": "source", "ports": "port"}
+_COUNTERS = (
+    "errors", "connections", "records", "taken", "skipped", "refused", "dropped", "pieces_not_read", "clock_steps",
+    "late", "sent", "gated",
+)  # fmt: skip
+Leaf = tuple[str, dict[str, str], Any]
+
+
+def leaves(value: Any, name: str = "", labels: Mapping[str, str] = MappingProxyType({})) -> Iterator[Leaf]:  # noqa: ANN401
+    """Every number and text of a status: a name of its keys, labels of what it is one of, and the value."""
+    labels = dict(labels)
+    if isinstance(value, dict):
+        of = _ONE_OF.get(name.rpartition("_")[2])
+        for key, one in value.items():
+            if of is not None and of not in labels:
+                yield from leaves(one, name, labels | {of: key})
+            else:
+                yield from leaves(one, f"{name}_{key}" if name else key, labels)
+    elif name in _ROWS:
+        for number, row in enumerate(value, 1):
+            label = str(row.get("name") or row.get("port") or number)
+            more = {"to": row["to"]} if "to" in row else {}
+            yield from leaves(row, _ROWS[name], labels | {_ROWS[name]: label} | more)
+    elif isinstance(value, list):
+        known = "angle", ("roll", "pitch", "yaw")
+        if not name.startswith("attitude"):
+            known = "axis", _AXES if len(value) == len(_AXES) else ("north", "east")
+        for key, one in zip(known[1], value, strict=True):
+            yield from leaves(one, name, labels | {known[0]: key})
+    elif value is not None:
+        yield name, labels, value
+
+
 def metrics(shown: dict[str, Any]) -> str:
-    """The status as Prometheus text."""
-    lines: list[str] = []
-
-    def add(name: str, kind: str, what: str, values: list[tuple[dict[str, str], float | None]]) -> None:
-        lines.append(f"# HELP bottomlock_{name} {what}")
-        lines.append(f"# TYPE bottomlock_{name} {kind}")
-        for labels, value in values:
-            if value is not None:
-                text = ",".join(f'{key}="{_escaped(label)}"' for key, label in labels.items())
-                lines.append(
-                    f"bottomlock_{name}{{{text}}} {value:.9g}" if text else f"bottomlock_{name} {value:.9g}"
-                )
-
-    states = ("INITIALISING", *ORDER)
-    add("state", "gauge", "1 for the state now", [({"state": s}, float(s == shown["state"])) for s in states])
-    add("rank", "gauge", "Directions that the beams determine", [({}, shown["rank"])])
-    add("reset_counter", "gauge", "Reset counter of the estimates", [({}, shown["reset_counter"])])
-    add("internal_errors_total", "counter", "Faults of the program", [({}, shown["internal_errors"])])
-    for key, unit in (("velocity_mps", "Velocity"), ("velocity_sd_mps", "1 sigma of the velocity")):
-        values = zip(_AXES, shown[key], strict=True)
-        add(key, "gauge", f"{unit}, m/s", [({"axis": axis}, value) for axis, value in values])
-    for key, what in (
-        ("attitude_rpy_rad", "Attitude"),
-        ("attitude_sd_rad", "1 sigma about north, east, down"),
-    ):
-        turns = zip(("roll", "pitch", "yaw"), shown[key], strict=True)
-        add(key, "gauge", f"{what}, rad", [({"angle": angle}, value) for angle, value in turns])
-    add("nis", "gauge", "NIS of the last ping over its degrees of freedom", [({}, shown["ping"]["nis"])])
-    beams = enumerate(shown["beams"], 1)
-    add(
-        "beam_used",
-        "gauge",
-        "1 for a beam that was used",
-        [({"beam": str(k)}, float(b["used"])) for k, b in beams],
-    )
-    for key, what in (("error_rad", "Slow error found of the reference"), ("sd_rad", "1 sigma of that")):
-        found = [({"angle": name}, one[key]) for name, one in shown["reference"].items()]
-        add(f"reference_{key}", "gauge", f"{what}, rad", found)
-    for key, what in (("current_mps", "Current"), ("current_sd_mps", "1 sigma of the current")):
-        axes = zip(("north", "east"), (shown["water"] or {}).get(key, ()), strict=False)
-        add(key, "gauge", f"{what}, m/s", [({"axis": axis}, value) for axis, value in axes])
-    gated: list[tuple[dict[str, str], float | None]] = [({"sensor": k}, n) for k, n in shown["gated"].items()]
-    add("gated_total", "counter", "Measurements beside the pings that the gate rejected", gated)
-    for key, kind, what in (
-        ("age_s", "gauge", "Seconds since the last byte"),
-        ("records", "counter", "Records"),
-        ("taken", "counter", "Readings or pings that were taken"),
-        ("bytes_dropped", "counter", "Bytes that belonged to no record"),
-        ("pieces_not_read", "counter", "Pieces that came too fast to be taken, and second clients"),
-        ("clock_steps", "counter", "Steps of the clock"),
-        ("connections", "counter", "Connections"),
-    ):
-        sources = [({"source": one["name"]}, one[key]) for one in shown["sources"]]
-        add(f"source_{key}" + ("_total" if kind == "counter" else ""), kind, what, sources)
-    for key, what in (("sent", "Messages sent"), ("dropped", "Messages that could not be written")):
-        ports = [({"port": one["port"], "to": one["to"]}, one[key]) for one in shown["ports"]]
-        add(f"port_{key}_total", "counter", what, ports)
-    return "\n".join(lines) + "\n"
+    """The numbers of the status as Prometheus text, and 1 for the state now."""
+    found: dict[str, list[str]] = {}
+    states = [("state", {"state": one}, float(one == shown["state"])) for one in ("INITIALISING", *ORDER)]
+    for name, labels, value in [*states, *leaves(shown)]:
+        if isinstance(value, str):
+            continue
+        is_counter = name.endswith(_COUNTERS)
+        text = ",".join(f'{key}="{_escaped(label)}"' for key, label in labels.items())
+        full = f"bottomlock_{name}{'_total' if is_counter else ''}"
+        head = f"# TYPE {full} {'counter' if is_counter else 'gauge'}"
+        found.setdefault(full, [head]).append(
+            f"{full}{{{text}}} {value:.9g}" if text else f"{full} {value:.9g}"
+        )
+    return "\n".join(line for lines in found.values() for line in lines) + "\n"
 
 
 def _escaped(label: str) -> str:
