@@ -13,7 +13,7 @@ from bottomlock.io.formats import BYTES
 from bottomlock.io.formats import STREAMS as STREAM_FORMATS
 from bottomlock.io.framing import Lines
 from bottomlock.io.rows import Options, longest_rising
-from bottomlock.live.pings import PingReader
+from bottomlock.live.readings import PingReader
 from bottomlock.recordings.readings import Ping
 from tools import reader_seeds as seeds
 

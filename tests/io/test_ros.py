@@ -12,7 +12,7 @@ from bottomlock.errors import DataError
 from bottomlock.io import ros
 from bottomlock.io.formats import detect, read_recording
 from bottomlock.io.rows import Options
-from bottomlock.live.pings import PingReader
+from bottomlock.live.readings import PingReader
 from tests.io import bags
 
 KINDS = ("ros1", "ros2", "mcap folder", "mcap file")

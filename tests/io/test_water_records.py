@@ -20,7 +20,7 @@ from bottomlock.io.beam_table import (
 )
 from bottomlock.io.formats import read_recording
 from bottomlock.io.rows import Options
-from bottomlock.live.pings import PingReader
+from bottomlock.live.readings import PingReader
 from tools import reader_seeds as seeds
 
 

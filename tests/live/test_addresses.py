@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.sinks import open_sink
+from bottomlock.ports.address import sink_address, source_address
 from tests.live.world import World
 
 DATA = b"".join(data for _, _, data in World(1.0).arrivals())

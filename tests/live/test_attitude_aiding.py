@@ -14,7 +14,7 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import metrics, status
 from bottomlock.live.navigation import NavigationEstimator
-from bottomlock.live.pings import PingReader
+from bottomlock.live.readings import PingReader
 from bottomlock.live.runner import Live
 from bottomlock.recordings.rotation import angles
 from tests.dive import Dive, drawn_dive

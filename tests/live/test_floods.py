@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from bottomlock.live.address import source_address
 from bottomlock.live.connections import MOST_WAITING, SECOND, Connection, cancel
 from bottomlock.live.health import HealthServer, status
+from bottomlock.ports.address import source_address
 from tests.live.test_health import ask, flown, served
 
 

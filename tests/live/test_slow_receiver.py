@@ -12,9 +12,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from bottomlock.live.address import sink_address
 from bottomlock.live.connections import cancel
 from bottomlock.live.sinks import WAITING_S, Sink, open_sink
+from bottomlock.ports.address import sink_address
 
 SIZE = 800
 """Bytes of a report, about those of Water Linked's JSON."""

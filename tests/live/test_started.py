@@ -265,3 +265,20 @@ def test_a_ping_of_another_shape_is_refused_by_its_field(key: str, wrong: Any) -
         Navigator.start(**A50).push(replace(ping(0), **{key: wrong}))
     with pytest.raises(bottomlock.KernelError, match=r"Ping\.of_beams"):
         Ping.of_beams(0, RAGGED)
+
+
+def test_what_a_live_process_would_not_navigate_with_is_said() -> None:
+    """Beams of 20 mm/s where the packaged instrument claims 4; pings of another clock than the IMU's."""
+    noise, nav = np.random.default_rng(4), begun()
+    assert nav.warnings == []
+    for k in range(600, 1400):
+        nav.push(still(k))
+        if k % 10 == 9:
+            one = ping(k * 10 * MS)
+            nav.push(replace(one, velocity_mps=one.velocity_mps + 0.02 * noise.standard_normal(4)))
+    assert any("times their claimed noise: raise dvl.beam_noise_mps" in words for words in nav.warnings)
+    apart = Navigator.start(**A50)
+    for k in range(501):
+        apart.push(still(k))
+    apart.push(ping(1_790_000_000_000_000_000))
+    assert "+1.79e+09 s from the IMU's readings" in apart.waiting_for

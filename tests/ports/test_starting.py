@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bottomlock.live.cautions import cautions
-from bottomlock.live.config import parse_config
+from bottomlock.live.config import cautions, parse_config
 from bottomlock.live.templates import AUTOPILOTS, template
 from bottomlock.ports.mavlink import Timesync
 from bottomlock.ports.registry import port

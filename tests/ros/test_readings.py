@@ -10,8 +10,7 @@ import pytest
 
 from bottomlock.io.ros_messages import LATER_DVL
 from bottomlock.kernel import normal_gravity_mps2
-from bottomlock.live.pings import PingReader
-from bottomlock.live.ros_readings import RosReader
+from bottomlock.live.readings import PingReader, RosReader
 from bottomlock.live.sections import DepthSection
 from tests.io.test_ros_messages import store_of
 from tests.ros import dive

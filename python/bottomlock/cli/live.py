@@ -15,8 +15,7 @@ from bottomlock.cli.console import EXIT_DEPARTURE, errors, say
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
-from bottomlock.live.cautions import cautions
-from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.config import LiveConfig, cautions, load_config
 from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status

@@ -8,8 +8,16 @@ from pathlib import Path
 
 from bottomlock.errors import OutputError
 from bottomlock.instruments.schedule import Record
-from bottomlock.instruments.terminals import Pty, Serial
-from bottomlock.instruments.transports import File, NewAnswers, TcpServer, Transport, Udp, no_answers
+from bottomlock.instruments.transports import (
+    File,
+    NewAnswers,
+    Pty,
+    Serial,
+    TcpServer,
+    Transport,
+    Udp,
+    no_answers,
+)
 from bottomlock.ports.address import Address, Kind, forms
 from bottomlock.ports.address import parse_address as parse
 

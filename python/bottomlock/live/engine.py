@@ -15,9 +15,7 @@ from bottomlock.live.clock import ClockMap
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.navigator_config import kernel_settings
-from bottomlock.live.pings import PingReader
-from bottomlock.live.readings import LineReader, MavlinkReader, Reader
-from bottomlock.live.ros_readings import RosReader
+from bottomlock.live.readings import LineReader, MavlinkReader, PingReader, Reader, RosReader
 from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
 from bottomlock.live.states import Facts, Reasons, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
@@ -88,6 +86,7 @@ class Engine:
 
     Attributes:
         content_hash: of what the navigator was made of at the start, whatever becomes of the files since.
+        offered: is given every estimate that the ports are offered; None for nobody.
     """
 
     def __init__(
@@ -106,6 +105,7 @@ class Engine:
         self.ports = [
             PortState(port, section.port) for section, port in zip(config.port, config.ports(), strict=True)
         ]
+        self.offered: Callable[[Estimate], None] | None = None
         self.machine = StateMachine(config.states)
         self._reset_counter = reset_counter
         self._tick_ns: int | None = None
@@ -306,7 +306,7 @@ class Engine:
     def _send(self, *, least_ns: int) -> list[Message]:
         """The estimate to every port, if it is `least_ns` later than the last; nothing where the state forbids it."""
         time_ns = self.estimator.time_ns
-        if time_ns is None or not self.ports:
+        if time_ns is None or not (self.ports or self.offered):
             return []
         if self._offered_ns is not None and time_ns - self._offered_ns < least_ns:
             return []
@@ -318,6 +318,8 @@ class Engine:
         if estimate is None:
             return []
         self._offered_ns = time_ns
+        if self.offered is not None:
+            self.offered(estimate)
         messages = []
         for place, one in enumerate(self.ports):
             data = self._encoded(one, estimate)

@@ -26,6 +26,8 @@ from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.water_cells import CellCounts
 
+BEAM_SENSORS = ("beams", "velocity")
+"""The kernel's names of a DVL's measurements in its reports."""
 PINGS = 20
 """Complete pings that are judged together."""
 _GAUSSIAN = 0.6745

@@ -24,7 +24,7 @@ EVENT_S = 0.25
 """Time between two events of the page."""
 _STREAMS = 16
 """Most connections that follow the events at a time."""
-_AXES = ("surge", "sway", "heave")
+_AXES, _ANGLES = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
 
 def status(live: Live) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def _reference(estimator: Estimator) -> dict[str, dict[str, float]]:
     if found is None:
         return {}
     error, sd = found
-    names = ("roll", "pitch", "yaw")[-len(sd) :]
+    names = _ANGLES[-len(sd) :]
     each = zip(names, error.tolist(), sd.tolist(), strict=True)
     return {name: {"error_rad": value, "sd_rad": one} for name, value, one in each}
 
@@ -157,11 +157,10 @@ def leaves(value: Any, name: str = "", labels: Mapping[str, str] = MappingProxyT
             more = {"to": row["to"]} if "to" in row else {}
             yield from leaves(row, _ROWS[name], labels | {_ROWS[name]: label} | more)
     elif isinstance(value, list):
-        known = "angle", ("roll", "pitch", "yaw")
-        if not name.startswith("attitude"):
-            known = "axis", _AXES if len(value) == len(_AXES) else ("north", "east")
-        for key, one in zip(known[1], value, strict=True):
-            yield from leaves(one, name, labels | {known[0]: key})
+        of = "angle" if name.startswith("attitude") else "axis"
+        keys = ("north", "east") if len(value) < len(_AXES) else _ANGLES if of == "angle" else _AXES
+        for key, one in zip(keys, value, strict=True):
+            yield from leaves(one, name, labels | {of: key})
     elif value is not None:
         yield name, labels, value
 
@@ -169,7 +168,9 @@ def leaves(value: Any, name: str = "", labels: Mapping[str, str] = MappingProxyT
 def metrics(shown: dict[str, Any]) -> str:
     """The numbers of the status as Prometheus text, and 1 for the state now."""
     found: dict[str, list[str]] = {}
-    states = [("state", {"state": one}, float(one == shown["state"])) for one in ("INITIALISING", *ORDER)]
+    states: list[Leaf] = [
+        ("state", {"state": one}, one == shown["state"]) for one in ("INITIALISING", *ORDER)
+    ]
     for name, labels, value in [*states, *leaves(shown)]:
         if isinstance(value, str):
             continue

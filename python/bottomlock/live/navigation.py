@@ -9,7 +9,7 @@ import numpy as np
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.estimator import Estimator, beams_of, solve_ping
+from bottomlock.live.estimator import BEAM_SENSORS, Estimator, beams_of, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
@@ -20,8 +20,6 @@ from bottomlock.recordings.water_cells import CellCounts
 T = TypeVar("T")
 
 _ACCEPTED = ("accepted", "accepted_in_part")
-_BEAM_SENSORS = ("beams", "velocity")
-"""The kernel's names of a DVL's measurements in its reports."""
 _AIDING = {name for sensor in SENSORS for name in sensor.updates}
 """The kernel's names of the other measurements."""
 _PENDING = 256
@@ -212,7 +210,7 @@ class NavigationEstimator(Estimator):
 
     def _take(self, reports: Sequence[Report]) -> None:
         for report in reports:
-            if report.sensor in _BEAM_SENSORS and report.time_ns in self._pings:
+            if report.sensor in BEAM_SENSORS and report.time_ns in self._pings:
                 self._judged(report, *self._pings.pop(report.time_ns))
             elif report.sensor == "water_track" and report.time_ns in self._waters:
                 self._judged_water(report, self._waters.pop(report.time_ns))

@@ -42,11 +42,16 @@ class Entry:
     data: bytes
 
 
-def _mcap() -> Any:  # noqa: ANN401 - an extra
+def mcap_library() -> Any:  # noqa: ANN401 - an extra
+    """The library mcap, with its writer.
+
+    Raises:
+        DataError: where it is not installed.
+    """
     try:
         import mcap.writer  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise DataError(f"raw logs need mcap: {install('live')}") from error
+        raise DataError(f"raw logs and MCAP files need mcap: {install('live')}") from error
     return mcap
 
 
@@ -67,7 +72,7 @@ class RawLog:
     def __init__(
         self, folder: Path, *, sources: Sequence[str], ports: Sequence[str], start: dict[str, bytes]
     ) -> None:
-        mcap = _mcap()
+        mcap = mcap_library()
         name = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -163,7 +168,7 @@ def read_raw_log(path: Path) -> ReadLog:
     Raises:
         DataError: for a file that cannot be read or is no raw log of ours.
     """
-    _mcap()
+    mcap_library()
     try:
         file = path.open("rb")
     except OSError as error:

@@ -1,21 +1,34 @@
-"""Inertial, attitude and depth readings of a live stream: lines of numbers, or MAVLink messages."""
+"""Readings of a live stream: lines of numbers, MAVLink, messages of ROS 2, and the pings of a DVL."""
 
 import math
-from dataclasses import dataclass, field
+import re
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import BeamTable, WaterTable, joined
+from bottomlock.io.formats import LIVE
 from bottomlock.io.framing import Framer, Lines
+from bottomlock.io.ros_messages import decode, stamp_ns
+from bottomlock.io.rows import PLAIN, Options, RecordOptions
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
-from bottomlock.live.sections import AttitudeMessage, DepthSection
+from bottomlock.live.sections import ROS_TYPES, AttitudeMessage, DepthSection
 from bottomlock.live.states import Reasons
 from bottomlock.ports.mavlink import dialect
 from bottomlock.recordings.readings import (
+    AcousticPositionReading,
     AttitudeReading,
     DepthReading,
     GpsReading,
     ImuReading,
+    Ping,
     Quaternion,
     Reading,
+    Triple,
 )
 from bottomlock.recordings.rotation import quaternion
 from bottomlock.recordings.sensors import INSTRUMENTS, is_on_earth
@@ -247,3 +260,256 @@ class MavlinkReader(Reader[Reading]):
             return AttitudeReading(message.time_boot_ms * 1_000_000, (w, x, y, z))
         self.skipped.add(f"{kind} without a unit quaternion")
         return None
+
+
+_MOST_HELD = 16
+"""Records of the water that are held for the next ping of the bottom; of more the last."""
+
+
+@dataclass
+class PingReader(Reader[Ping]):
+    """The pings of a byte stream in one format.
+
+    Args:
+        format: a key of `io.formats.LIVE`.
+        beams: number of beams of the geometry.
+        options: of the reader.
+    """
+
+    format: str
+    beams: int
+    options: Options = PLAIN
+
+    def __post_init__(self) -> None:
+        """Chooses framer and reader.
+
+        Raises:
+            DataError: for a format that is no stream of beams.
+        """
+        if self.format not in LIVE:
+            raise DataError(
+                f"format '{self.format}' is no stream of beams", expected=f"one of {', '.join(LIVE)}"
+            )
+        chosen = LIVE[self.format]
+        assert chosen.stream is not None
+        self._read, self._stream = chosen.read, chosen.stream
+        self.framer = self._cut = self._stream.frame(self.beams)
+        # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
+        only = self._stream.lost or self.options.instrument_only
+        self._settings = RecordOptions(**asdict(replace(self.options, instrument_only=only)))
+        self._water: list[WaterTable] = []
+        self._before: tuple[bytes, ...] | None = None
+        self._absolute: bool | None = None
+        self._sum_ns = 0
+
+    def feed(self, data: bytes) -> list[Ping]:
+        """The pings that `data` completes."""
+        return [ping for record in self._cut.feed(data) for ping in self._pings(record)]
+
+    def flush(self) -> list[Ping]:
+        """The ping whose lines are held, where no more of them have come for a while."""
+        return [ping for record in self._cut.flush() for ping in self._pings(record)]
+
+    def _pings(self, record: bytes) -> list[Ping]:
+        self.records += 1
+        if self._stream.kind is not None and record[2] not in {self._stream.kind, *self._stream.water}:
+            self.skipped.add("another kind of record")
+            return []
+        try:
+            recording = self._read(record, "record", self._settings)
+        except DataError as error:
+            self.skipped.add(_reason(error))
+            return []
+        table = recording.table
+        if recording.water is not None:
+            self._water = [*self._water[1 - _MOST_HELD :], recording.water]
+        if not table.rows:
+            return []
+        if table.beams > self.beams:
+            self.skipped.add(f"{table.beams} beams, the geometry has {self.beams}")
+            return []
+        absolute = recording.time_of == "validity" or not self._stream.sums
+        if self._absolute is None:
+            self._absolute = absolute
+        if absolute != self._absolute:
+            self.skipped.add(
+                "no time of validity" if self._absolute else "a time of validity among intervals"
+            )
+            return []
+        found = []
+        sum_ns = self._sum_ns
+        water, self._water = self._water, []
+        for row in range(table.rows):
+            time_ns = int(table.time_ns[row])
+            if not absolute:
+                # The reader's sum begins with this record's first interval.
+                time_ns = self._sum_ns = sum_ns + time_ns
+            ping = self._ping(table, row, time_ns, record, only=table.rows == 1)
+            # Other axes are not those of the beams' directions.
+            own = ping.instrument_mps if recording.frame == "frd" else np.full(3, np.nan)
+            found.append(replace(ping, instrument_mps=own))
+        if water and found and absolute:
+            found[-1] = replace(found[-1], water=joined(water))
+        return found
+
+    def _ping(self, table: BeamTable, row: int, time_ns: int, record: bytes, *, only: bool) -> Ping:
+        valid = _padded(table.valid[row], self.beams, fill=False)
+        stale = False
+        if self._stream.repeats:
+            block = tuple(
+                column[row].tobytes()
+                for column in (table.velocity_mps, table.range_m, table.quality, *_noise(table))
+            )
+            stale = block == self._before and bool(valid.any())
+            self._before = block
+            if stale and not self.options.keep_stale:
+                valid = np.zeros_like(valid)
+        pattern = self._stream.transmission
+        sent = pattern.search(record) if pattern is not None and only else None
+        flag = int(table.instrument_valid[row])
+        return Ping(
+            time_ns=time_ns,
+            transmission_ns=int(sent.group(1)) * 1000 if sent and self._absolute else time_ns,
+            velocity_mps=_padded(table.velocity_mps[row], self.beams, fill=np.nan),
+            valid=valid,
+            sd_mps=_padded(table.sd_mps[row], self.beams, fill=np.nan),
+            range_m=_padded(table.range_m[row], self.beams, fill=np.nan),
+            instrument_mps=table.instrument_mps[row],
+            instrument_valid=None if flag < 0 else bool(flag),
+            stale=stale,
+        )
+
+
+def _noise(table: BeamTable) -> list[NDArray[np.float64]]:
+    return [table.extra[name] for name in table.extra if name.endswith("_noise_dbm")]
+
+
+def _padded(values: NDArray, beams: int, *, fill: float | bool) -> NDArray:  # type: ignore[type-arg]
+    """A row with as many beams as the geometry: what a record does not have is lost."""
+    if len(values) == beams:
+        return values
+    return np.concatenate([values, np.full(beams - len(values), fill, dtype=values.dtype)])
+
+
+def _reason(error: DataError) -> str:
+    """Why a record gave no ping, without what differs from record to record."""
+    text = str(error).removeprefix("record: ")
+    skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
+    if skipped:
+        return skipped.group(1)
+    return re.sub(r"[0-9]+", "…", text)[:80]
+
+
+_MISSING = -1.0
+_NOT_FINITE = "numbers that are not finite"
+Message = Any
+
+
+class _NoReadingError(Exception):
+    """Why a message holds no reading."""
+
+
+def _finite(*values: float) -> None:
+    if not all(map(math.isfinite, values)):
+        raise _NoReadingError(_NOT_FINITE)
+
+
+# By REP 103 a body's axes are forward, left, up, and the world's east, north, up. A number that its message marks as
+# missing (a covariance that begins with -1, no fix) is no reading.
+def _frd(vector: Message) -> Triple:
+    """A vector in forward-left-up axes, in forward-right-down ones."""
+    _finite(vector.x, vector.y, vector.z)
+    return vector.x, -vector.y, -vector.z
+
+
+def _ned(point: Message) -> Triple:
+    """A position east, north, up, as north, east, down."""
+    _finite(point.x, point.y, point.z)
+    return point.y, point.x, -point.z
+
+
+def _imu(message: Message) -> Reading:
+    if _MISSING in (message.angular_velocity_covariance[0], message.linear_acceleration_covariance[0]):
+        raise _NoReadingError("no rates or no accelerations, by their covariance")
+    return ImuReading(
+        stamp_ns(message.header), _frd(message.angular_velocity), _frd(message.linear_acceleration)
+    )
+
+
+def _attitude(message: Message) -> Reading:
+    """In the frames of the driver, which `attitude.frame` states."""
+    if message.orientation_covariance[0] == _MISSING:
+        raise _NoReadingError("no orientation, by its covariance")
+    q = message.orientation
+    norm = math.hypot(q.w, q.x, q.y, q.z)
+    # Also not for numbers that are none.
+    if not abs(norm - 1.0) < ROUNDING:
+        raise _NoReadingError("no unit quaternion")
+    return AttitudeReading(stamp_ns(message.header), (q.w / norm, q.x / norm, q.y / norm, q.z / norm))
+
+
+def _depth(message: Message) -> Reading:
+    _finite(message.data)
+    # The message has no stamp: a source of it has `clock` = "arrival".
+    return DepthReading(0, message.data)
+
+
+def _fix(message: Message) -> Reading:
+    if message.status.status < 0:
+        raise _NoReadingError("no fix, by its status")
+    _finite(message.altitude)
+    if not is_on_earth(message.latitude, message.longitude):
+        raise _NoReadingError("numbers that are no latitude and longitude")
+    return GpsReading(stamp_ns(message.header), message.latitude, message.longitude, message.altitude)
+
+
+def _position(message: Message) -> Reading:
+    east, north, up = (message.pose.covariance[k] for k in (0, 7, 14))
+    stated = min(east, north, up) > 0.0 and math.isfinite(east + north + up)
+    sd_m = (math.sqrt(north), math.sqrt(east), math.sqrt(up)) if stated else None
+    return AcousticPositionReading(stamp_ns(message.header), _ned(message.pose.pose.position), sd_m)
+
+
+_MAKERS: dict[str, Callable[[Message], Reading]] = {
+    "ros-imu": _imu,
+    "ros-attitude": _attitude,
+    "ros-depth": _depth,
+    "ros-navsat": _fix,
+    "ros-pose": _position,
+}
+
+
+@dataclass
+class RosReader(Reader[Reading]):
+    """Readings from the messages of a topic.
+
+    Args:
+        format: "ros-pressure" or a key of `_MAKERS`.
+        depth: turns a pressure into a depth; needed for "ros-pressure" alone.
+        gravity_mps2: for that.
+    """
+
+    format: str
+    depth: DepthSection | None = None
+    gravity_mps2: float = math.nan
+
+    def __post_init__(self) -> None:
+        """Chooses the message."""
+        self._type = ROS_TYPES[self.format].replace("/msg/", "/")
+        self._make = (_MAKERS | {"ros-pressure": self._under_water})[self.format]
+        self.framer = Framer()
+
+    def feed(self, data: bytes) -> list[Reading]:
+        """The reading of a message."""
+        self.records += 1
+        try:
+            return [self._make(decode(data, self._type))]
+        except (DataError, _NoReadingError) as error:
+            self.skipped.add(str(error))
+            return []
+
+    def _under_water(self, message: Message) -> Reading:
+        assert self.depth is not None
+        _finite(message.fluid_pressure)
+        depth_m = self.depth.depth_m(message.fluid_pressure, self.gravity_mps2)
+        return DepthReading(stamp_ns(message.header), depth_m)

@@ -8,10 +8,9 @@ from pathlib import Path
 from bottomlock.errors import DataError
 from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.engine import Engine, Message, PortState
+from bottomlock.live.engine import Engine, Message
 from bottomlock.live.raw_log import Entry, read_raw_log
 from bottomlock.ports.estimate import Estimate
-from bottomlock.ports.port import Port
 
 
 @dataclass(frozen=True)
@@ -42,20 +41,6 @@ class Replayed:
         return f"{what}: {self.first_difference or 'the same bits'}" + (f"; {self.end}" if self.end else "")
 
 
-class _Listener(Port):
-    """A port that sends nothing, so that the ports of the configuration send what they sent without it."""
-
-    name = "listener"
-
-    def __init__(self, take: Callable[[Estimate], None]) -> None:
-        super().__init__(max_rate_hz=None)
-        self._take = take
-
-    def encode(self, estimate: Estimate) -> None:
-        """Passes the estimate on."""
-        self._take(estimate)
-
-
 def replay_log(
     config: LiveConfig,
     path: Path,
@@ -79,8 +64,7 @@ def replay_log(
     log = read_raw_log(path)
     saved = log.start.get("checkpoint")
     engine = Engine(config) if saved is None else resume(config, saved)
-    if estimates is not None:
-        engine.ports.append(PortState(_Listener(estimates), _Listener.name))
+    engine.offered = estimates
     messages: list[Message] = []
     open_: deque[Message] = deque()
     sent = entries = 0

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from bottomlock.errors import BottomlockError
 from bottomlock.files.atomic_write import write_bytes
-from bottomlock.live.address import sink_address, source_address
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
@@ -20,8 +19,8 @@ from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.sinks import Sink, open_sink
-from bottomlock.ports.address import Address
-from bottomlock.ports.mavlink import MavlinkPort, MessageIntervals, Timesync, heartbeat
+from bottomlock.ports.address import Address, sink_address, source_address
+from bottomlock.ports.mavlink import Heartbeat, MavlinkPort, MessageIntervals, Timesync
 from bottomlock.ports.port import Answers
 
 YOUNG = 1000
@@ -125,7 +124,7 @@ class Live:
             on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
             answers=self._answers(address),
-            greeting=heartbeat() if speaks and address.kind in SPOKEN_TO else None,
+            greeting=Heartbeat() if speaks and address.kind in SPOKEN_TO else None,
         )
 
     def _sinks(self) -> Iterator[Sink]:

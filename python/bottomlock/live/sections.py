@@ -14,14 +14,16 @@ from bottomlock.config.water_cells import WaterCells
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.live.address import SinkAddress, SourceAddress
 from bottomlock.own_method import not_replaced
+from bottomlock.ports.address import checked_by, sink_address, source_address
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.sensors import INSTRUMENTS
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 
+SourceAddress = Annotated[str, checked_by(source_address)]
+SinkAddress = Annotated[str, checked_by(sink_address)]
 DVL_FORMATS = tuple(LIVE)
 """Streams and messages with beams."""
 FORMATS = {one.name: one.formats for one in INSTRUMENTS if one.formats}

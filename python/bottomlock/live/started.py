@@ -18,10 +18,11 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import METHODS, RECOMMENDED_METHOD, Navigator, Report
 from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aligned import AlignedNavigator
+from bottomlock.live.estimator import BEAM_SENSORS, Closure
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
-from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude
-from bottomlock.live.states import Reasons
+from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
+from bottomlock.live.states import Reasons, disagreement
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -158,6 +159,8 @@ class StartedNavigator:
         self._config, self._instrument = config, instrument
         self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
         self.unused = Reasons()
+        self._closure = Closure(instrument)
+        self._rejected = 0
 
     def push(self, reading: Reading | Ping) -> list[Report]:
         """Takes a reading at its time of validity.
@@ -177,6 +180,13 @@ class StartedNavigator:
         require_reading(reading)
         if self._is_without_section(reading):
             return []
+        reports = self._taken(reading)
+        for report in reports:
+            if report.sensor in BEAM_SENSORS:
+                self._rejected = self._rejected + 1 if report.verdict == "rejected" else 0
+        return reports
+
+    def _taken(self, reading: Reading | Ping) -> list[Report]:
         reading = checked(reading, self._instrument.geometry.beams)
         if isinstance(reading, ImuReading):
             return list(self._aligned.imu(reading.time_ns, reading))
@@ -193,6 +203,7 @@ class StartedNavigator:
         ping = self._config.with_noise(ping, self._instrument)
         reports = list(self._aligned.beams(ping.time_ns, ping))
         self._aligned.solve(ping.time_ns, ping)  # after it, so that a ping that is refused gives no velocity
+        self._closure.add(ping.velocity_mps, ping.valid, ping.sd_mps, ping.own_mps)
         if self.navigator is None:
             return []
         if ping.water is not None and self._config.water_track is None:
@@ -218,6 +229,16 @@ class StartedNavigator:
     def waiting_for(self) -> str:
         """What the start still lacks, in words; "" once there is an estimate."""
         return self._aligned.waiting_for
+
+    @property
+    def warnings(self) -> list[str]:
+        """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
+        limits = StatesSection()
+        words = disagreement(self._closure.ratio, self._closure.own_ratio, limits)
+        found = [words] if words else []
+        if self._rejected >= limits.rejected_pings:
+            found.append(f"{self._rejected} pings in a row contradict the estimate")
+        return found
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

@@ -90,8 +90,8 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         )
     if facts.rejected >= limits.rejected_pings:
         return "UNSAFE", f"{facts.rejected} pings in a row contradict the estimate"
-    if disagreement := _disagreement(facts, limits):
-        return "UNSAFE", disagreement
+    if words := disagreement(facts.closure_ratio, facts.own_ratio, limits):
+        return "UNSAFE", words
     without_beams: State = "COASTING" if navigating else "UNSAFE"
     if facts.stepped:
         return without_beams, "the clock of a source was set"
@@ -107,16 +107,16 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
     return "OK", "beams determine the whole velocity"
 
 
-def _disagreement(facts: Facts, limits: StatesSection) -> str:
+def disagreement(closure_ratio: float | None, own_ratio: float | None, limits: StatesSection) -> str:
     """What the last complete pings show of the geometry and the claimed noise; "" where they fit."""
     found: tuple[tuple[float | None, str, str], ...] = (
         (
-            facts.closure_ratio,
+            closure_ratio,
             "disagree with one another",
             "raise dvl.beam_noise_mps, or see whether the geometry is",
         ),
         (
-            facts.own_ratio,
+            own_ratio,
             "differ from the instrument's own velocity",
             "are dvl.geometry and the order of the beams",
         ),

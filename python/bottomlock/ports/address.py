@@ -5,9 +5,13 @@ them `udpin:HOST:PORT`. Without a host it is the loopback address.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from pydantic import AfterValidator, ValidationInfo
+
+from bottomlock.config.section import in_folder
 from bottomlock.support.nearest import nearest
 
 Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "ros"]
@@ -129,3 +133,28 @@ def _hint(word: str, kinds: tuple[Kind, ...]) -> str:
         likely = [FORMS[kind] for kind in kinds if kind == nearest(word, kinds)]
     says = f"{FORMS[word]}; " if word in FORMS and word in _LIKELY else ""
     return f"{says}did you mean {' or '.join(likely)}? " if likely else ""
+
+
+SOURCES: tuple[Kind, ...] = ("tcp", "tcpin", "udpin", "udpout", "serial", "file", "stdin", "ros")
+SINKS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial", "file", "stdout", "ros")
+
+
+def source_address(text: str) -> Address:
+    """The address of a source of `bottomlock live`. Raises ValueError as `parse_address`."""
+    return parse_address(text, SOURCES, what="a source")
+
+
+def sink_address(text: str) -> Address:
+    """The address of a target of `bottomlock live`. Raises ValueError as `parse_address`."""
+    return parse_address(text, SINKS, what="a target")
+
+
+def checked_by(check: Callable[[str], object]) -> AfterValidator:
+    """A validator of an address; a file is found from the folder of its settings."""
+
+    def validate(text: str, info: ValidationInfo) -> str:
+        check(text)
+        kind, colon, file = text.partition(":")
+        return f"{kind}{colon}{in_folder(file, info)}" if kind == "file" else text
+
+    return AfterValidator(validate)

@@ -8,7 +8,7 @@ NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from types import SimpleNamespace
 from typing import Annotated, Any, Self
@@ -81,6 +81,13 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
     return ardupilotmega
 
 
+def packed(link: Any, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
+    """The bytes of a message with the next number of its sender."""
+    data = bytes(message.pack(link))
+    link.seq = (link.seq + 1) % 256
+    return data
+
+
 _Address = Annotated[int, Field(ge=1, le=255)]
 
 
@@ -117,9 +124,7 @@ class MavlinkPort(Port):
         return super()._waits(estimate) if estimate.mode == "navigation" else None
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
-        data = bytes(message.pack(self._link))
-        self._link.seq = (self._link.seq + 1) % 256
-        return data
+        return packed(self._link, message)
 
 
 class MavlinkVelocity(MavlinkPort):
@@ -145,55 +150,44 @@ ONBOARD_COMPUTER = 191
 _TIMESYNC = 111
 
 
-class Timesync:
-    """Answers to an autopilot's TIMESYNC, by which it puts our stamps on its own clock.
-
-    PX4 asks ten times a second; without answers it takes a message as of its arrival. The answers have a component of
-    their own, so that the estimates count without gaps.
-    """
+class _Onboard:
+    """Base of what is sent beside estimates: by an onboard computer, so that these count without gaps."""
 
     def __init__(self) -> None:
         self._dialect = dialect()
         self._link = self._dialect.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
 
+    def _read(self, data: bytes) -> list[Any]:
+        parser = self._dialect.MAVLink(None)
+        parser.robust_parsing = True
+        return parser.parse_buffer(data) or []
+
+
+class Heartbeat(_Onboard):
+    """HEARTBEAT of an onboard computer, for who sends to those that speak."""
+
+    def __call__(self) -> bytes:
+        """The next one."""
+        kind, none = self._dialect.MAV_TYPE_ONBOARD_CONTROLLER, self._dialect.MAV_AUTOPILOT_INVALID
+        active = self._dialect.MAV_STATE_ACTIVE
+        return packed(self._link, self._dialect.MAVLink_heartbeat_message(kind, none, 0, 0, active, 3))
+
+
+class Timesync(_Onboard):
+    """Answers to an autopilot's TIMESYNC, by which it puts our stamps on its own clock.
+
+    PX4 asks ten times a second; without answers it takes a message as of its arrival.
+    """
+
     def answers(self, data: bytes, now_ns: int) -> bytes:
         """What to send back on these bytes, whole messages at `now_ns` of the clock of our stamps; mostly nothing."""
         if _TIMESYNC not in data:
             return b""
-        parser = self._dialect.MAVLink(None)
-        parser.robust_parsing = True
-        found = parser.parse_buffer(data) or []
         return b"".join(
-            self._answer(message.ts1, now_ns)
-            for message in found
+            packed(self._link, self._dialect.MAVLink_timesync_message(tc1=now_ns, ts1=message.ts1))
+            for message in self._read(data)
             if message.get_type() == "TIMESYNC" and message.tc1 == 0
         )
-
-    def _answer(self, asked_ns: int, now_ns: int) -> bytes:
-        data = bytes(self._dialect.MAVLink_timesync_message(tc1=now_ns, ts1=asked_ns).pack(self._link))
-        self._link.seq = (self._link.seq + 1) % 256
-        return data
-
-
-def heartbeat() -> Callable[[], bytes]:
-    """Makes the HEARTBEAT of an onboard computer, each with the next number."""
-    dialect_ = dialect()
-    link = dialect_.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
-
-    def beat() -> bytes:
-        message = dialect_.MAVLink_heartbeat_message(
-            dialect_.MAV_TYPE_ONBOARD_CONTROLLER,
-            dialect_.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
-            dialect_.MAV_STATE_ACTIVE,
-            3,
-        )
-        data = bytes(message.pack(link))
-        link.seq = (link.seq + 1) % 256
-        return data
-
-    return beat
 
 
 AUTOPILOT = 1
@@ -204,7 +198,7 @@ AGAIN_S = 10.0
 _HEARTBEAT = re.compile(rb"\xfd\x09.{4}\x01\x00\x00\x00|\xfe\x09..\x01\x00", re.DOTALL)
 
 
-class MessageIntervals:
+class MessageIntervals(_Onboard):
     """MAV_CMD_SET_MESSAGE_INTERVAL in answer to an autopilot's HEARTBEAT, at most every `AGAIN_S`.
 
     Args:
@@ -216,8 +210,8 @@ class MessageIntervals:
     """
 
     def __init__(self, rates_hz: Mapping[str, float], system: int | None = None) -> None:
-        self._dialect, self._system = dialect(), system
-        self._link = self._dialect.MAVLink(None, srcSystem=1, srcComponent=ONBOARD_COMPUTER)
+        super().__init__()
+        self._system = system
         self._intervals_us = {self._number(name): 1e6 / rate for name, rate in rates_hz.items()}
         self._asked_ns: int | None = None
 
@@ -231,28 +225,14 @@ class MessageIntervals:
         """What to send back on these bytes, whole messages at `now_ns` of a clock that never falls; mostly nothing."""
         if self._asked_ns is not None and now_ns - self._asked_ns < ns_from_s(AGAIN_S):
             return b""
-        if not _HEARTBEAT.search(data):
-            return b""
-        parser = self._dialect.MAVLink(None)
-        parser.robust_parsing = True
-        for message in parser.parse_buffer(data) or []:
-            if (
-                message.get_type() == "HEARTBEAT"
-                and message.get_srcComponent() == AUTOPILOT
-                and self._system in {None, message.get_srcSystem()}
-            ):
+        for message in self._read(data) if _HEARTBEAT.search(data) else ():
+            sender = message.get_srcSystem(), message.get_srcComponent()
+            if message.get_type() == "HEARTBEAT" and sender == (self._system or sender[0], AUTOPILOT):
                 self._asked_ns = now_ns
-                return b"".join(
-                    self._ask(message.get_srcSystem(), *one) for one in self._intervals_us.items()
-                )
+                return b"".join(self._ask(sender[0], *one) for one in self._intervals_us.items())
         return b""
 
     def _ask(self, system: int, number: int, interval_us: float) -> bytes:
-        interval = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
-        unused = [0] * 5
-        command = self._dialect.MAVLink_command_long_message(
-            system, AUTOPILOT, interval, 0, number, interval_us, *unused
-        )
-        data = bytes(command.pack(self._link))
-        self._link.seq = (self._link.seq + 1) % 256
-        return data
+        interval, unused = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL, [0] * 5
+        make = self._dialect.MAVLink_command_long_message
+        return packed(self._link, make(system, AUTOPILOT, interval, 0, number, interval_us, *unused))

@@ -15,8 +15,7 @@ from bottomlock.ports.odometry import Odometry
 from bottomlock.ports.port import Port
 from bottomlock.ports.restored import Pd0, WaterLinkedJson
 from bottomlock.ports.ros_dvl import RosDvl
-from bottomlock.ports.ros_odometry import RosOdometry, RosTransform
-from bottomlock.ports.ros_velocity import RosTwist, RosVelocity
+from bottomlock.ports.ros_velocity import RosOdometry, RosTransform, RosTwist, RosVelocity
 from bottomlock.ports.sentence import Sentence
 from bottomlock.ports.vision_position_delta import VisionPositionDelta
 from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate

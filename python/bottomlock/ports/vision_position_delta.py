@@ -37,7 +37,7 @@ class VisionPositionDelta(MavlinkVelocity):
     """EK3_VIS_VERR_MIN of the autopilot"""
     max_noise_mps: Positive = 0.9
     """EK3_VIS_VERR_MAX of the autopilot"""
-    max_interval_s: Annotated[float, Field(gt=0, le=3600)] = 2.0
+    max_interval_s: Annotated[float, Field(gt=0, le=1e6)] = 2.0
     """a longer gap between estimates starts a new interval without a message"""
 
     @model_validator(mode="after")

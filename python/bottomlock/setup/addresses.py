@@ -8,11 +8,9 @@ import ipaddress
 from pathlib import PurePosixPath
 from typing import Annotated
 
-from pydantic import AfterValidator
-
 from bottomlock.errors import ScenarioError
 from bottomlock.live.config import LiveConfig
-from bottomlock.ports.address import Address, Kind, parse_address
+from bottomlock.ports.address import Kind, checked_by, parse_address
 
 _SOURCES: tuple[Kind, ...] = ("tcp", "udpin", "udpout", "serial")
 _TARGETS: tuple[Kind, ...] = ("tcp", "tcpin", "udpout", "serial")
@@ -20,8 +18,9 @@ _BY_HAND = ("tcp:", "tcpin:", "udpin:", "udpout:", "serial:/dev/")
 _LOCAL_NAMES = ("localhost", ".local")
 
 
-def _check(text: str, address: Address) -> None:
-    """Raises ValueError for a device that is none, and for a host outside the vehicle's network."""
+def _check(text: str, kinds: tuple[Kind, ...], what: str) -> None:
+    """Raises ValueError for another kind, a device that is none, and a host outside the vehicle's network."""
+    address = parse_address(text, kinds, what=what)
     if address.kind == "serial":
         device = PurePosixPath(address.path)
         if not device.is_relative_to("/dev") or ".." in device.parts:
@@ -41,18 +40,8 @@ def _check(text: str, address: Address) -> None:
         )
 
 
-def _source(text: str) -> str:
-    _check(text, parse_address(text, _SOURCES, what="a source of the set-up page"))
-    return text
-
-
-def _target(text: str) -> str:
-    _check(text, parse_address(text, _TARGETS, what="a target of the set-up page"))
-    return text
-
-
-FormSource = Annotated[str, AfterValidator(_source)]
-FormTarget = Annotated[str, AfterValidator(_target)]
+FormSource = Annotated[str, checked_by(lambda text: _check(text, _SOURCES, "a source of the set-up page"))]
+FormTarget = Annotated[str, checked_by(lambda text: _check(text, _TARGETS, "a target of the set-up page"))]
 
 
 def check_by_hand(config: LiveConfig, place: str) -> None:

@@ -20,15 +20,14 @@ from rosidl_runtime_py.utilities import get_message
 
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_bytes
-from bottomlock.live.address import sink_address, source_address
-from bottomlock.live.cautions import cautions
 from bottomlock.live.checkpoint import pack
-from bottomlock.live.config import LiveConfig, load_config
+from bottomlock.live.config import LiveConfig, cautions, load_config
 from bottomlock.live.engine import TICK_NS
 from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
 from bottomlock.live.runner import Live, begin
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sinks import Sink
+from bottomlock.ports.address import sink_address, source_address
 
 INPUTS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of sensors: takes what reliable and best-effort publishers send; a second of an IMU may wait."""
