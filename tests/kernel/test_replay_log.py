@@ -50,7 +50,7 @@ def recording() -> tuple[LogDict, Any]:
         heading_rad=np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2)),
     )  # fmt: skip
     keys = ("time_ns", "position_t_m", "attitude_t_p", "velocity_p_mps")
-    start: Any = {key: streams["initial"][key] for key in keys}  # type: ignore[literal-required]
+    start: Any = {key: streams["initial"][key] for key in keys}
     return log, start
 
 
