@@ -230,7 +230,6 @@ def named(name: str, **names: str) -> Fault:
 
 
 def left(name: str, rows: pl.Expr) -> Fault:
-    """Rows of a table that are left."""
     return lambda held: dict(held) | {name: held[name].filter(rows)}
 
 

@@ -253,7 +253,6 @@ def _orientation(held: Tables) -> Floats:
 
 
 def _pings(table: pl.DataFrame, geometry: str, messages: Messages, of_driver: bool) -> list[tuple[int, Any]]:
-    """Time and message of each ping."""
     B = np.asarray(read_geometry(geometry).geometry.directions_p)
     level, n = np.linalg.norm(B[:, :2], axis=1, keepdims=True), len(B)
     swapped = np.hstack([B[:, :2] / level * B[:, 2:], level])

@@ -148,7 +148,6 @@ class Case:
 
 
 def case_of(number: int) -> Case:
-    """The case of a number."""
     draw = random.Random(number)
     form = draw.choice(["waterlinked-json", "pd0"])
     entries = list(recorded(form, draw.randrange(len(LOSSES)), draw.choice(STEPS)))

@@ -27,7 +27,6 @@ def write_dive(root: Path, folder: Path, method: Any) -> tuple[Path, Path]:  # n
 
 
 def write_files(folder: Path, navigator: Navigator, model: Model, log: Any) -> tuple[Path, Path]:  # noqa: ANN401 - a log
-    """Writes a navigator and what a log pushes into it."""
     events = sorted(
         (int(time_ns), kind, row, stream)
         for stream, kind in KINDS.items()

@@ -57,7 +57,6 @@ def export_files(tables: ReplayTables, formats: Sequence[str], methods: Sequence
 
 
 def utc_dive(**manifest: object) -> ReplayTables:
-    """A dive on the clock of UTC."""
     tables = dive_tables()
     configuration = {"origin": {"earth": "ellipsoid", "latitude_deg": 54.0}}
     return replace(tables, manifest=tables.manifest | {"configuration": configuration} | manifest)

@@ -28,7 +28,6 @@ def command() -> Run:
 
 @pytest.fixture
 def convert(command: Run) -> Run:
-    """Runs `bottomlock convert`."""
     return functools.partial(command, "convert")
 
 

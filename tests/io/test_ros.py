@@ -19,7 +19,6 @@ KINDS = ("ros1", "ros2", "mcap folder", "mcap file")
 
 
 def bag(kind: str, folder: Path, steps: int = 4, **changed: Any) -> Path:  # noqa: ANN401 - fields of any message
-    """A bag of a kind."""
     if kind == "ros1":
         return bags.write_ros1(folder / "dive.bag", steps, **changed)
     path = bags.write_ros2(folder / "dive", steps, mcap=kind != "ros2", **changed)

@@ -124,7 +124,6 @@ def lifted(field: Field, system: WaterSystem, along_u: Matrix) -> Matrix:
 
 
 def cross_rows(rows: Matrix, column: Matrix) -> Matrix:
-    """Each row × the column."""
     crossed: Matrix = (-cross(column) @ rows.T).T
     return crossed
 

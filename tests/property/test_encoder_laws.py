@@ -113,7 +113,6 @@ def test_pings_read_back(one: Format, data: st.DataObject) -> None:
 
 
 def plain(beams: int, **changed: Any) -> Ping:  # noqa: ANN401 - any field
-    """A ping with every beam."""
     values: dict[str, Any] = {
         "time_ns": START_NS + 10**9,
         "transmission_ns": START_NS + 2 * 10**9,

@@ -28,8 +28,6 @@ def edited(name: str, *changes: tuple[str, str]) -> Mistake:
 
 
 def table(name: str, **columns: pl.Expr) -> Mistake:
-    """A mistake in a table."""
-
     def edit(folder: Path) -> None:
         path = folder / f"{name}.parquet"
         pl.read_parquet(path).with_columns(**columns).write_parquet(path)

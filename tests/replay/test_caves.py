@@ -36,7 +36,6 @@ def log(recordings: Path) -> dict[str, Array]:
 
 
 def four(log: dict[str, Array], name: str) -> Array:
-    """Columns name0 to name3."""
     return np.column_stack([log[f"{name}{k}"] for k in range(4)])
 
 

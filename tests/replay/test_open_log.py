@@ -47,7 +47,6 @@ def test_every_row_of_every_stream_comes_once_and_in_order() -> None:
 
 
 def test_of_equal_times_the_inertial_reading_comes_first() -> None:
-    """A ping at the time of a reading is one that the reading has reached."""
     readings = list(bottomlock.open_log(DIVE / "case.toml"))
     at = [k for k, reading in enumerate(readings) if isinstance(reading, Ping)]
     equal = [k for k in at if readings[k - 1].time_ns == readings[k].time_ns]

@@ -48,7 +48,7 @@ def test_the_surveys_differ_in_inertial_sensors_compass_and_start_alone() -> Non
 
 def test_the_seabed_takes_beams_of_every_number() -> None:
     """Over the first leg and the turn: pings of four beams, of three and of two, by the motion alone."""
-    simulation = build_simulation(load_scenario("survey"))
+    simulation = build_simulation(short("survey", 150.0))
     flags = measurement_schedule(simulation, simulation.truth(), runs=2)["beam_valid"]
     assert flags.ndim == 2
     counts = np.bincount(flags.sum(axis=1), minlength=5) / len(flags)

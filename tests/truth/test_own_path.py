@@ -42,7 +42,6 @@ POSITION = ("time_s", "north_m", "east_m", "depth_m")
 
 
 def written(folder: File, columns: dict[str, Floats], name: str = "nav.csv") -> File:
-    """A file of these columns."""
     path = folder / name
     table = pl.DataFrame(columns)
     table.write_parquet(path) if path.suffix == ".parquet" else table.write_csv(path)

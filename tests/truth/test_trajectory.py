@@ -18,7 +18,6 @@ FLOWN = build_simulation(load_scenario("lawn_mower").with_trajectory(duration_s=
 
 
 def truth_of(name: str) -> tuple[Scenario, Truth]:
-    """Scenario and truth."""
     simulation = analytic_simulation(name)
     return simulation.scenario, simulation.truth()
 
