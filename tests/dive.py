@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock.encoders.ping import Ping
@@ -158,6 +159,14 @@ def drawn_dive(
         rpy[slow] + np.deg2rad(0.3) * rng.normal(size=(count, 3)),
         times[second], places[second, :2] + 0.1 * rng.normal(size=(len(times[second]), 2)),
     )  # fmt: skip
+
+
+def gauss_markov(drawn: Floats, step_s: float, time_s: float) -> Floats:
+    """First-order Gauss-Markov processes from normal numbers of their sigma, (n,) or (n, k), `step_s` apart."""
+    kept = np.exp(-step_s / time_s)
+    driven = np.sqrt(1.0 - kept**2) * drawn
+    driven[0] = drawn[0]
+    return np.asarray(lfilter([1.0], [1.0, -kept], driven, axis=0))
 
 
 Tables = Mapping[str, pl.DataFrame]

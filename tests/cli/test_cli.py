@@ -107,7 +107,7 @@ def test_fly_swims_a_scenario(tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (["run", "--out", "o"], "no scenario is named"),
-        (["run", "straight", "--out", "o", "--runs", "0"], "'runs' is 0, expected >= 1"),
+        (["run", "straight", "--out", "o", "--runs", "0"], "'campaign.runs' is 0, expected >= 1"),
         (["run", "straight", "--out", "o", "--runs", "many"], "many"),
         (["run", "straight", "--out", "o", "--threads", "-1"], "--threads is -1"),
         (["run", "straight", "--out", "/proc/nowhere"], "cannot be written"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import Method, Navigator, replay_log
-from bottomlock.kernel.models import CurrentLayers
+from bottomlock.kernel.models import AcousticPositionModel, CurrentLayers
 from tests.kernel import documented_navigator as example
 from tests.kernel import test_effort, test_thrust, test_water_track
 
@@ -22,23 +22,35 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "water_track": {
         "velocity_mps": BEAMS, "valid": RANDOM.random(BEAMS.shape) < 0.8, "range_m": 40.0 * RANDOM.random(len(AID_NS)),
     },
+    "acoustic_position": {"t_m": RANDOM.normal(size=(len(AID_NS), 3))},
+    "acoustic_position with": {
+        "t_m": RANDOM.normal(size=(len(AID_NS), 3)), "sd_m": RANDOM.uniform(0.5, 3.0, (len(AID_NS), 3)),
+    },
 }  # fmt: skip
+"""Of each sensor, and of fixes with deviations of their own."""
 LAYERED = test_thrust.ON.replace(current_layers=CurrentLayers())
+TRANSCEIVER = example.model.replace(
+    acoustic_position=AcousticPositionModel(sd_m=0.5, sd_per_range=0.02, transceiver_t_m=[40.0, -30.0, 5.0])
+)
 SETTINGS: dict[str, tuple[Any, Any, tuple[str, ...], tuple[Method, ...]]] = {
     "thrust": (test_thrust.MODEL, LAYERED, ("thrust",), ("ins", "tc", "sway_current")),
     "effort": (test_effort.MODEL, test_effort.ON, test_effort.AXES, ("ins", "tc", "sway_current")),
     "water_track": (example.model, test_water_track.LAYERED, ("water_track",), ("tc", "sway_current")),
+    "acoustic_position": (TRANSCEIVER, example.options, ("acoustic_position",), ("tc", "sway_current")),
 }
 """Model, options, sensors of the records, methods."""
 
 
-def push(flown: Navigator, sensor: str, row: int) -> None:
+def push(flown: Navigator, columns: str, row: int) -> None:
     """A row with the noise that a replay of it takes."""
-    time_ns, values = int(AID_NS[row]), {key: column[row] for key, column in COLUMNS[sensor].items()}
+    time_ns, values = int(AID_NS[row]), {key: column[row] for key, column in COLUMNS[columns].items()}
+    sensor = columns.removesuffix(" with")
     if sensor == "thrust":
         flown.push_thrust(time_ns, **values, sd_mps=test_thrust.PROPELLER.noise_sd_mps)
     elif sensor == "effort":
         flown.push_effort(time_ns, **values, sd_n=test_effort.HULL.noise_sd_n)
+    elif sensor == "acoustic_position":
+        flown.push_acoustic_position(time_ns=time_ns, position_t_m=values["t_m"], sd_m=values.get("sd_m"))
     else:
         dvl: Any = example.model.dvl
         beams = (values["velocity_mps"], values["valid"])
@@ -46,13 +58,14 @@ def push(flown: Navigator, sensor: str, row: int) -> None:
         flown.push_water_track(time_ns, *beams, sd_mps=sd_mps, range_m=values["range_m"])
 
 
-@pytest.mark.parametrize("sensor", COLUMNS)
-def test_a_log_gives_the_bits_of_the_navigator(sensor: str) -> None:
+@pytest.mark.parametrize("columns", COLUMNS)
+def test_a_log_gives_the_bits_of_the_navigator(columns: str) -> None:
     """State, current and the times of its records; and what was saved has the same estimates."""
+    sensor = columns.removesuffix(" with")
     log: Any = {
         "imu_time_ns": IMU_NS, "force_p_mps2": FORCE, "omega_p_radps": OMEGA, "dvl_time_ns": np.empty(0, np.int64),
         "beam_velocity_mps": np.empty((0, 4)), "beam_valid": np.empty((0, 4), dtype=bool), f"{sensor}_time_ns": AID_NS,
-        **{f"{sensor}_{key}": column for key, column in COLUMNS[sensor].items()},
+        **{f"{sensor}_{key}": column for key, column in COLUMNS[columns].items()},
     }  # fmt: skip
     model, options, records, methods = SETTINGS[sensor]
     taken = AID_NS[COLUMNS[sensor]["valid"].any(axis=1)] if sensor == "water_track" else AID_NS
@@ -66,7 +79,7 @@ def test_a_log_gives_the_bits_of_the_navigator(sensor: str) -> None:
         waiting = list(range(len(AID_NS)))
         for k, time_ns in enumerate(IMU_NS.tolist()):
             while waiting and AID_NS[waiting[0]] <= time_ns:
-                push(flown, sensor, waiting.pop(0))
+                push(flown, columns, waiting.pop(0))
             flown.push_imu(time_ns, omega_p_radps=OMEGA[k], force_p_mps2=FORCE[k])
         assert out["velocity_p_mps"][0, 0].tolist() == list(flown.state()["velocity_p_mps"])
         water: Any = flown.water()

@@ -16,6 +16,7 @@ from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.truth.truth import Truth
+from tests.dive import gauss_markov
 from tests.imu_blocks import measured
 from tests.run_events import Readings
 
@@ -159,10 +160,8 @@ def test_the_position_follows_the_integral_of_the_current(sd_mps: float, time_s:
 def test_the_integral_of_a_first_order_process_by_simulation() -> None:
     """Ten thousand draws of a current that begins known to 0.03 m/s: the formula within 3 %."""
     draw, step_s, sd_mps, time_s = np.random.default_rng(1), 10.0, 0.3, 1800.0
-    current, moved = 0.03 * draw.standard_normal(10_000), np.zeros(10_000)
-    kept = np.exp(-step_s / time_s)
-    for _ in range(180):
-        later = kept * current + sd_mps * np.sqrt(1.0 - kept**2) * draw.standard_normal(10_000)
-        moved, current = moved + 0.5 * step_s * (current + later), later
+    sd = np.array([[0.03], *[[sd_mps]] * 180])
+    current = gauss_markov(sd * draw.standard_normal((181, 10_000)), step_s, time_s)
+    moved = np.trapezoid(current, dx=step_s, axis=0)
     found = of_any_time(sd_mps, time_s, 0.03, np.array([1800.0]))
     np.testing.assert_allclose(np.std(moved), found[0], rtol=0.03)

@@ -1,6 +1,5 @@
-"""Acoustic position fixes in the kernel and in replay: the printed equations, gate, bits, cases, bad input."""
+"""Acoustic position fixes in the kernel and in replay: the printed equations, gate, cases, bad input."""
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +7,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.kernel import KernelError, Navigator, replay_log
+from bottomlock.kernel import KernelError, Navigator
 from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.reading import read_streams
-from tests.kernel.test_late_data import arrivals, push
-from tests.kernel.test_replay_log import JANUS, LOG, SECONDS, START
+from tests.kernel.test_replay_log import JANUS, START
 from tests.oracle import acoustic_position as oracle
 from tests.oracle import kalman
 from tests.oracle.rotations import matrix_from_euler, quaternion_from_euler
@@ -86,38 +84,6 @@ def test_outliers_are_gated_and_good_fixes_are_not() -> None:
     (report,) = navigator.push_acoustic_position(time_ns=10_000_000, position_t_m=place, sd_m=[1.0, 1.0, 1.0])
     assert report.verdict == "accepted"
     assert np.sqrt(navigator.covariance()[0, 0]) < 1.0
-
-
-def test_replay_is_push_bit_for_bit() -> None:
-    """With deviations of the log and without them, the streaming navigator ends in the replay's bits."""
-    times = np.arange(700, SECONDS * 1000, 700, dtype=np.int64) * 1_000_000 + 311
-    place = np.asarray(START["position_t_m"])
-    fixes = place + np.random.default_rng(2).normal(size=(len(times), 3))
-    sd = np.random.default_rng(3).uniform(0.5, 3.0, (len(times), 3))
-    for method in ("tc", "sway_current"):
-        for stated in (True, False):
-            log: Any = dict(LOG) | {"acoustic_position_time_ns": times, "acoustic_position_t_m": fixes}
-            log |= {"acoustic_position_sd_m": sd} if stated else {}
-            out = replay_log(
-                JANUS, model(), options(gate="joint"), [method], log, START,
-                sample_time_ns=LOG["imu_time_ns"][-1:],
-            )  # fmt: skip
-            navigator = Navigator(JANUS, model(), options(gate="joint"), START, method=method)
-            pushed: Counter[str] = Counter()
-            # At the same time after the others.
-            events = [*arrivals(0.0, 0), *((int(t), "acoustic_position", k) for k, t in enumerate(times))]
-            for time_ns, name, k in sorted(events, key=lambda event: event[0]):
-                if name == "acoustic_position":
-                    reports = navigator.push_acoustic_position(
-                        time_ns=time_ns, position_t_m=fixes[k], sd_m=sd[k] if stated else None
-                    )
-                else:
-                    reports = push(navigator, time_ns, name, k)
-                pushed.update(report.sensor for report in reports)
-            for key in ("position_t_m", "attitude_t_p", "velocity_p_mps"):
-                assert np.array_equal(out[key][0, 0], navigator.state()[key]), (method, stated)
-            assert pushed["acoustic_position"] == len(times)
-            assert pushed["gps_position"] == len(LOG["gps_time_ns"])
 
 
 def test_it_does_not_collide_with_gps() -> None:

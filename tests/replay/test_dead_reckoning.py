@@ -6,7 +6,6 @@ import numpy as np
 import polars as pl
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -26,7 +25,7 @@ from bottomlock.recordings.streams import Attitudes, Depths, Inertial
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors, carried
 from bottomlock.tables.replay import ReplayTables
-from tests.dive import Dive, drawn_dive
+from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_case
 from tests.replay.undiagnosed import replay_undiagnosed
 
@@ -88,14 +87,6 @@ def test_the_depth_sensor_gives_the_vertical() -> None:
     assert found.position_cov_m2[-1, 2, 2] == pytest.approx(0.05**2)
 
 
-def walk(rng: np.random.Generator, seconds: Floats, sd: float, time_s: float) -> Floats:
-    """First-order Gauss-Markov series."""
-    fade = float(np.exp(-(seconds[1] - seconds[0]) / time_s))
-    driven = sd * np.sqrt(1.0 - fade**2) * rng.normal(size=len(seconds))
-    driven[0] = sd * rng.normal()
-    return np.asarray(lfilter([1.0], [1.0, -fade], driven))
-
-
 SOURCES = ("noise", "bias", "scale", "offset", "walk", "white")
 
 
@@ -123,9 +114,8 @@ def test_the_claimed_covariance_is_that_of_an_ensemble(only: str) -> None:
     rng, total, runs = np.random.default_rng(5), 0.0, 200
     rows = [200, 599]
     for _ in range(runs):
-        wrong_yaw = (
-            yaw + offset * rng.normal() + walk(rng, seconds, wander, 120.0) + white * rng.normal(size=600)
-        )
+        wrong_yaw = yaw + offset * rng.normal() + white * rng.normal(size=600)
+        wrong_yaw += gauss_markov(wander * rng.normal(size=600), 1.0, 120.0)
         wrong = velocity * (1.0 + scale * rng.normal()) + bias * rng.normal(size=3)
         wrong = wrong + noise * rng.normal(size=velocity.shape)
         off = (reckoned(wrong_yaw, seconds, wrong, **keys).position_t_m - true.position_t_m)[rows, :2]  # type: ignore[arg-type]
@@ -141,7 +131,7 @@ def test_the_sigma_of_a_held_velocity_is_that_of_the_vehicle() -> None:
     """A velocity that is a first-order process: after a hold of 60 s the position is off by what E(h) says."""
     rng, tau, sd = np.random.default_rng(3), 20.0, 0.2
     seconds = np.arange(0.0, 40_000.0, 1.0)
-    velocity = np.stack([walk(rng, seconds, sd, tau) for _ in range(3)], axis=1)
+    velocity = gauss_markov(sd * rng.normal(size=(len(seconds), 3)), 1.0, tau)
     change = structure_function(ns(seconds), velocity, np.zeros(3))
     assert change is not None
     holds = np.array([5.0, 60.0, 300.0])

@@ -15,9 +15,9 @@ from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of
 from bottomlock.tables.replay import ReplayTables
-from tests.dive import Dive, drawn_dive
+from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_csv
-from tests.replay.test_thrust_section import BARE, SLIP_MPS, slipping
+from tests.replay.test_thrust_section import BARE, SLIP_MPS, SLIP_TIME_S
 from tests.replay.test_water_track import CURRENT, write
 
 MASS, LIGHT_N = np.array([20.0, 21.0, 32.0]), 2.4
@@ -54,7 +54,7 @@ def forces_of(dive: Dive, seed: int) -> tuple[Floats, Floats]:
     accelerating = MASS * np.gradient(u, t, axis=0) + np.cross(omega, MASS * u)
     seconds = np.arange(0.55, t[-1] - 0.5, 0.5)
     count = len(seconds)
-    slip = slipping(SLIP_MPS * rng.normal(size=(count, 3)), 0.5)
+    slip = gauss_markov(SLIP_MPS * rng.normal(size=(count, 3)), 0.5, SLIP_TIME_S)
     by_thrusters = dive.at(seconds, u) - slip
     drag = LINEAR * by_thrusters + QUADRATIC * np.abs(by_thrusters) * by_thrusters
     down_p = turned.inv().apply([0.0, 0.0, 1.0])

@@ -16,7 +16,7 @@ from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of, with_values
 from bottomlock.tables.replay import ReplayTables
-from tests.dive import Dive, drawn_dive
+from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE
 from tests.replay.test_water_track import CURRENT, end_m, write
@@ -35,21 +35,13 @@ CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
 SEEDS = tuple(range(1, 11))
 
 
-def slipping(drawn: Floats, step_s: float) -> Floats:
-    """First-order Gauss-Markov processes from normal numbers of their sigma, (n,) or (n, k), `step_s` apart."""
-    kept, found = np.exp(-step_s / SLIP_TIME_S), drawn.copy()
-    for k in range(1, len(found)):
-        found[k] = kept * found[k - 1] + np.sqrt(1.0 - kept**2) * found[k]
-    return found
-
-
 def revolutions_of(dive: Dive, seed: int = 1) -> tuple[Floats, Floats]:
     """Times, s, and revolutions a second of the true speed through the water, with slip and noise of their own."""
     rng = np.random.default_rng(seed)
     seconds = np.arange(0.55, dive.imu_s[-1] - 0.5, 1.0)
     turned = Rotation.from_euler("ZYX", dive.at(seconds, np.unwrap(dive.rpy, axis=0))[:, ::-1])
     through = (dive.at(seconds, dive.velocity) - turned.inv().apply(CURRENT))[:, 0]
-    slip = slipping(SLIP_MPS * rng.normal(size=len(seconds)), 1.0)
+    slip = gauss_markov(SLIP_MPS * rng.normal(size=len(seconds)), 1.0, SLIP_TIME_S)
     return seconds, (through - slip - NOISE_MPS * rng.normal(size=len(seconds))) / ADVANCE_M
 
 

@@ -5,17 +5,13 @@ import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.replay.vehicle_motion import vehicle_motion
+from tests.dive import gauss_markov
 
 
 def drawn(seed: int, count: int, step_s: float, sd: float, time_s: float, white: float) -> np.ndarray:
     """(n,) a first-order process about 0.5 and white noise."""
     rng = np.random.default_rng(seed)
-    kept = np.exp(-step_s / time_s)
-    values, value = [], sd * rng.normal()
-    for _ in range(count):
-        values.append(value)
-        value = kept * value + sd * np.sqrt(1.0 - kept**2) * rng.normal()
-    return 0.5 + np.array(values) + white * rng.normal(size=count)
+    return 0.5 + gauss_markov(sd * rng.normal(size=count), step_s, time_s) + white * rng.normal(size=count)
 
 
 def test_what_was_drawn_is_found() -> None:

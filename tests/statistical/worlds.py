@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 
+from tests import dive
 from tests.oracle.mechanisation import earth_rate_tangent
 from tests.oracle.rotations import Array
 
@@ -48,13 +49,9 @@ def gauss_markov(rng: np.random.Generator, sd: float, time_s: float, seconds: in
     """A sample at 5 Hz, drawn in the long run's spread, smooth in between so that it is a possible motion."""
     step_s = 0.2
     t = np.arange(0, seconds + step_s, step_s)
-    left = np.exp(-step_s / time_s)
-    drawn = rng.normal(size=len(t)) * sd * np.sqrt(1 - left**2)
-    x = np.empty_like(t)
-    x[0] = rng.normal() * sd
-    for k in range(1, len(t)):
-        x[k] = left * x[k - 1] + drawn[k]
-    return CubicSpline(t, x)
+    drawn = rng.normal(size=len(t)) * sd
+    drawn[0] = rng.normal() * sd
+    return CubicSpline(t, dive.gauss_markov(drawn, step_s, time_s))
 
 
 def draw(rng: np.random.Generator, prior: Mapping[str, float], yaw: Yaw) -> dict[str, Any]:
