@@ -41,7 +41,7 @@ def geometry(rng: Random, trial: Trial) -> None:
         "sound_speed_scale": 1.01,
     }
     tilt = rng.uniform(0.1, 0.8)
-    kind = rng.randrange(4)
+    kind = rng.randrange(3)
     azimuths = np.array([0.1, 1.6, 3.2, 4.7])
     subject: tuple[str, Callable[..., Any], dict[str, Any]]
     if kind == 0:
@@ -49,12 +49,9 @@ def geometry(rng: Random, trial: Trial) -> None:
     elif kind == 1:
         of_angles = {"tilt_rad": np.full(4, tilt), "azimuth_rad": azimuths}
         subject = "from_angles", kernel.BeamGeometry.from_angles, of_angles
-    elif kind == 2:
+    else:
         directions = kernel.BeamGeometry.janus(tilt).directions_p
         subject = "BeamGeometry", kernel.BeamGeometry, {"directions_d": directions}
-    else:
-        angles = {"configuration": "angles", "tilts_rad": np.full(4, tilt), "azimuths_rad": azimuths}
-        subject = "make_geometry", kernel.make_geometry, angles
     name, function, arguments = subject
     made = _call(rng, trial, name, function, arguments | common)
     if made is None:

@@ -59,7 +59,7 @@ def navigated(truth: Truth, latitude_deg: float, earth: Literal["ellipsoid", "ta
         velocity_p_mps=truth.velocity_p_mps[0],
     )
     navigator = kernel.Navigator(
-        kernel.make_geometry("x", tilt_rad=0.35), model, models.Options(), start, method="ins"
+        kernel.BeamGeometry.janus(0.35), model, models.Options(), start, method="ins"
     )
     navigator.push_imu_block(
         truth.time_ns, omega_p_radps=truth.omega_p_radps, force_p_mps2=truth.force_p_mps2
@@ -126,7 +126,7 @@ def test_gps_is_taken_after_fifty_kilometres(
         attitude_t_p=truth.attitude_t_p[0],
         velocity_p_mps=truth.velocity_p_mps[0],
     )
-    geometry = kernel.make_geometry("x", tilt_rad=0.35)
+    geometry = kernel.BeamGeometry.janus(0.35)
     options = scenario.kernel_options()
     navigator = kernel.Navigator(geometry, model, options, start, method="tc")
     rows_of_ping = 50

@@ -1,14 +1,14 @@
 """The beams of a DVL as a scenario and a geometry file state them."""
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.section import Mounting, Section, Vector, shown
-from bottomlock.kernel import BeamGeometry, Configuration, make_geometry
+from bottomlock.kernel import BeamGeometry, Configuration, KernelError
 from bottomlock.kernel.models import Positive
 
 LEAST_TILT_DEG = 2.0
@@ -99,15 +99,24 @@ class BeamLayout(Mounting, BeamDirections):
         """The beams; `scale` is a factor of the readings beside that of the sound's speed.
 
         Raises:
-            KernelError: for directions that are not unit vectors, and beams that lie in a plane.
+            KernelError: for directions that are not unit vectors, and three or more beams in a plane or on a line: a
+                slip in an azimuth, not an instrument.
         """
-        return make_geometry(
-            self.configuration,
-            tilt_rad=None if self.tilt_deg is None else units.rad_from_deg(self.tilt_deg),
-            tilts_rad=np.deg2rad(self.tilts_deg or ()),
-            azimuths_rad=np.deg2rad(self.azimuths_deg or ()),
-            directions=self.directions,
-            lever_arms_p_m=self.lever_arms_m,
-            mounting_rpy_rad=self.mounting_rpy_rad,
-            sound_speed_scale=self.sound_speed_scale * scale,
-        )
+        common: dict[str, Any] = {
+            "lever_arms_p_m": self.lever_arms_m, "mounting_rpy_rad": self.mounting_rpy_rad,
+            "sound_speed_scale": self.sound_speed_scale * scale,
+        }  # fmt: skip
+        if self.configuration == "directions":
+            geometry = BeamGeometry(self.directions or (), **common)
+        elif self.configuration == "angles":
+            tilts_rad, azimuths_rad = np.deg2rad(self.tilts_deg or ()), np.deg2rad(self.azimuths_deg or ())
+            geometry = BeamGeometry.from_angles(tilts_rad, azimuths_rad, **common)
+        else:
+            tilt_rad = units.rad_from_deg(self.tilt_deg or 0.0)
+            geometry = BeamGeometry.janus(tilt_rad, configuration=self.configuration, **common)
+        if geometry.beams >= 3 and geometry.rank < 3:
+            raise KernelError(
+                f"the {geometry.beams} beams see only {geometry.rank} directions",
+                expected="3: check azimuths and tilts",
+            )
+        return geometry

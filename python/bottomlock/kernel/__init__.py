@@ -77,7 +77,7 @@ __all__ = [
     "METHODS", "RECOMMENDED_METHOD", "REPLACED_METHODS", "SENSORS", "SOURCES", "STATES", "STATUS", "BeamGeometry",
     "ClosedLoop", "Configuration", "FixMethod", "JanusConfiguration", "KernelError", "Method", "Navigator", "OwnName",
     "Report", "VelocityFixes", "check_settings", "covariance_history", "error_model", "fix_method",
-    "integrate_segments", "kernel_version", "local_earth", "make_geometry", "normal_gravity_mps2", "observe",
+    "integrate_segments", "kernel_version", "local_earth", "normal_gravity_mps2", "observe",
     "register_method", "rejected_imu", "replay_log", "run_batch", "simulate_sensors", "solve_velocity",
 ]  # fmt: skip
 
@@ -195,49 +195,6 @@ def fix_method(name: str) -> FixMethod:
         )
     hint = did_you_mean(name, [*FIX_METHODS, *FIX_METHODS.values()])
     raise KernelError(f"unknown method '{name}'{hint} (known: {', '.join(FIX_METHODS)})")
-
-
-def make_geometry(
-    configuration: Configuration,
-    *,
-    tilt_rad: float | None = None,
-    tilts_rad: ArrayLike | None = None,
-    azimuths_rad: ArrayLike | None = None,
-    directions: ArrayLike | None = None,
-    lever_arms_p_m: ArrayLike | None = None,
-    mounting_rpy_rad: ArrayLike | None = None,
-    sound_speed_scale: float = 1.0,
-) -> BeamGeometry:
-    """The beams of a configuration "x", "+", "angles" or "directions", as the TOML files name them.
-
-    Raises:
-        KernelError: for what a configuration lacks, directions that are not unit vectors, and three or more beams in a
-            plane or on a line: a slip in an azimuth, not an instrument.
-
-    Examples:
-        >>> make_geometry("+", tilt_rad=0.35).rank
-        3
-    """
-    common: dict[str, Any] = {
-        "lever_arms_p_m": lever_arms_p_m, "mounting_rpy_rad": mounting_rpy_rad,
-        "sound_speed_scale": sound_speed_scale,
-    }  # fmt: skip
-    geometry: BeamGeometry | None = None
-    if configuration == "directions":
-        geometry = None if directions is None else BeamGeometry(directions, **common)
-    elif configuration == "angles":
-        if tilts_rad is not None and azimuths_rad is not None:
-            geometry = BeamGeometry.from_angles(tilts_rad, azimuths_rad, **common)
-    elif tilt_rad is not None:
-        geometry = BeamGeometry.janus(tilt_rad, configuration=configuration, **common)
-    if geometry is None:
-        raise KernelError(f"configuration '{configuration}' lacks its tilts, azimuths or directions")
-    if geometry.beams >= 3 and geometry.rank < 3:
-        raise KernelError(
-            f"the {geometry.beams} beams see only {geometry.rank} directions",
-            expected="3: check azimuths and tilts",
-        )
-    return geometry
 
 
 def solve_velocity(

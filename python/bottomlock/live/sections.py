@@ -16,8 +16,8 @@ from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import not_replaced
 from bottomlock.ports.address import checked_by, sink_address, source_address
-from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 from bottomlock.recordings.sensors import INSTRUMENTS
+from bottomlock.recordings.stream_sections import Reordered
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
 Angle = Annotated[float, Field(ge=-360, le=360)]
@@ -43,7 +43,7 @@ else:
     ]
 
 
-class ImuSection(Imu):
+class ImuSection(Reordered, Imu):
     """Inertial sensors: rate, errors and limits as in a scenario, and their axes and mounting.
 
     The sensor's axes, reordered by `axes`, are rotated to the platform's (forward, starboard, down) by the mounting.
@@ -51,19 +51,12 @@ class ImuSection(Imu):
     sent.
     """
 
-    axes: Annotated[Axes, shown(example=["x", "-y", "-z"])] = UNCHANGED_AXES
-    """for each axis of the platform that of the sensor, with its sign, before the mounting"""
     mounting_roll_deg: Angle = 0.0
     """rotation from sensor to platform axes: roll"""
     mounting_pitch_deg: Angle = 0.0
     """rotation from sensor to platform axes: pitch"""
     mounting_yaw_deg: Angle = 0.0
     """rotation from sensor to platform axes: yaw"""
-
-    @model_validator(mode="after")
-    def _axes_once(self) -> Self:
-        check_axes(self.axes)
-        return self
 
     @model_validator(mode="after")
     def _bridges_gaps(self) -> Self:

@@ -78,7 +78,7 @@ class SensorStream(Stream):
         return tuple(named[0]) if isinstance(named[0], tuple) else tuple(named)
 
 
-class ReorderedStream(Stream):
+class Reordered(Section):
     """A sensor with its own axes, reordered by `axes`."""
 
     axes: Axes = UNCHANGED_AXES
@@ -88,6 +88,10 @@ class ReorderedStream(Stream):
     def _axes_once(self) -> Self:
         check_axes(self.axes)
         return self
+
+
+class ReorderedStream(Reordered, Stream):
+    """A table of a sensor with its own axes."""
 
 
 class MountedStream(Mounting, ReorderedStream):

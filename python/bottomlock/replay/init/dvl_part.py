@@ -1,14 +1,16 @@
 """The DVL of a first case: its velocity, geometry, clock and axes against the IMU."""
 
+import tomllib
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.config.beam_layout import BeamLayout
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
-from bottomlock.kernel import BeamGeometry, make_geometry
+from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.rig_fit import Match
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
 from bottomlock.recordings.streams import Floats, Integers
@@ -140,7 +142,8 @@ def _of_four_beams(table: BeamTable) -> tuple[str, str]:
 def _claimed(name: str, text: str) -> tuple[BeamGeometry, Floats]:
     """Geometry and claimed noise (B,) of a packaged name, or of the text of a file."""
     if text:
-        geometry = make_geometry("directions", directions=[tuple(row) for row in _directions_of(text)])
+        directions = tomllib.loads(text)["directions"]
+        geometry = BeamLayout(configuration="directions", directions=directions).geometry()
         return geometry, np.full(geometry.beams, STARTING_NOISE_MPS)
     instrument = read_geometry(name)
     return instrument.geometry, np.asarray(instrument.beam_sd_mps)
@@ -170,12 +173,6 @@ def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[f
     claim_mps = float(np.mean(claimed))
     why = f"closure of {group.pings} pings; the geometry claims {claim_mps:.2g}"
     return float(f"{group.factor * claim_mps:.2g}"), why
-
-
-def _directions_of(text: str) -> list[list[float]]:
-    import tomllib  # noqa: PLC0415
-
-    return [list(row) for row in tomllib.loads(text)["directions"]]
 
 
 def _geometry(recording: Recording) -> tuple[str, str, str, bool]:
