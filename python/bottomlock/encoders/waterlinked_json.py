@@ -86,6 +86,21 @@ MOST_BYTES = 4096
 """Of commands that wait for their end."""
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+_CONFIG: dict[str, tuple[Any, Callable[[Any], bool]]] = {
+    "speed_of_sound": (1500.0, lambda value: _is_number(value) and 1000.0 <= value <= 2000.0),
+    "acoustic_enabled": (True, lambda value: value is True),
+    "dark_mode_enabled": (False, lambda value: isinstance(value, bool)),
+    "mounting_rotation_offset": (0.0, lambda value: _is_number(value) and value == 0),
+    "range_mode": ("auto", lambda value: isinstance(value, str)),
+    "periodic_cycling_enabled": (True, lambda value: isinstance(value, bool)),
+}
+"""What a client may set, as it is at the start, and to what: nothing that would change what is sent."""
+
+
 class Commands:
     """The instrument's side of its commands, `{"command": NAME, "parameters": {...}}`.
 
@@ -94,14 +109,7 @@ class Commands:
     """
 
     def __init__(self) -> None:
-        self.config: dict[str, Any] = {
-            "speed_of_sound": 1500.0,
-            "acoustic_enabled": True,
-            "dark_mode_enabled": False,
-            "mounting_rotation_offset": 0.0,
-            "range_mode": "auto",
-            "periodic_cycling_enabled": True,
-        }
+        self.config = {key: first for key, (first, _) in _CONFIG.items()}
 
     def client(self) -> Callable[[bytes], bytes]:
         """What answers the bytes of one client; its commands may stand without anything between them."""
@@ -119,48 +127,28 @@ class Commands:
                     if not newline:
                         break
                     command, end = None, len(held) - len(rest)
-                found += self._answer(command)
+                found += self._answer(command if isinstance(command, dict) else {})
                 held = held[end:].lstrip()
             return found
 
         return answers
 
-    def _answer(self, command: Any) -> bytes:  # noqa: ANN401 - whatever came
-        name = command.get("command") if isinstance(command, dict) else None
-        fault = ""
+    def _answer(self, command: dict[str, Any]) -> bytes:
+        name, fault = str(command.get("command", "")), ""
         if name == "set_config":
             fault = self.configure(command.get("parameters"))
-        elif name == "trigger_ping":
-            fault = "the instrument pings by itself"
         elif name not in {"get_config", "calibrate_gyro", "reset_dead_reckoning"}:
-            fault = "no such command"
-        return _line(
-            {
-                "response_to": name if isinstance(name, str) else "",
-                "success": not fault,
-                "error_message": fault,
-                "result": self.config if name == "get_config" else None,
-                "format": FORMAT,
-                "type": "response",
-            }
-        )
+            fault = "the instrument pings by itself" if name == "trigger_ping" else "no such command"
+        result = self.config if name == "get_config" else None
+        known = {"success": not fault, "error_message": fault, "result": result}
+        return _line({"response_to": name[:80]} | known | {"format": FORMAT, "type": "response"})
 
     def configure(self, parameters: Any) -> str:  # noqa: ANN401 - whatever came
         """Takes a configuration, all of it or nothing; why not, "" where it is taken."""
         if not isinstance(parameters, dict):
             return "no parameters"
         for key, value in parameters.items():
-            known = self.config.get(key)
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if known is None:
-                return f"no parameter {key[:40]}"
-            if not (is_number if isinstance(known, float) else isinstance(value, type(known))):
-                return f"{key} is not of its type"
-        if not 1000.0 <= parameters.get("speed_of_sound", 1500.0) <= 2000.0:
-            return "speed_of_sound must be 1000 to 2000 m/s"
-        if parameters.get("mounting_rotation_offset"):
-            return "mounting_rotation_offset is in the geometry that the sender has (dvl.geometry)"
-        if not parameters.get("acoustic_enabled", True):
-            return "the instrument pings by itself"
+            if key not in _CONFIG or not _CONFIG[key][1](value):
+                return f"{key[:40]} cannot be {str(value)[:40]} here"
         self.config |= parameters
         return ""

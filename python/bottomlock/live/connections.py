@@ -166,7 +166,6 @@ class Connection:
     Attributes:
         state: what the connection does now, in words.
         transport: of what can be written to, while it is open.
-        attempts: how often it was tried to open.
         dropped: pieces and datagrams that came faster than they could be taken, and second clients.
     """
 
@@ -185,7 +184,6 @@ class Connection:
         self.transport: Any = None
         self.address = address
         self.state = "not opened yet"
-        self.attempts = 0
         self.dropped = 0
         self._waiting: deque[bytes] = deque()
         self._on_data, self._on_connected, self._on_state = on_data, on_connected, on_state
@@ -242,7 +240,6 @@ class Connection:
     async def _keep_open(self) -> None:
         wait_s = FIRST_WAIT_S
         while True:
-            self.attempts += 1
             heard = self._heard
             try:
                 why = await self._once()

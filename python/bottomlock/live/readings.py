@@ -57,7 +57,7 @@ class Reader(Generic[Given]):
         skipped: records without a reading, by what was wrong.
     """
 
-    framer: "Framer | MavlinkFramer" = field(init=False)
+    framer: Framer = field(init=False)
     records: int = field(default=0, init=False)
     skipped: Reasons = field(default_factory=Reasons, init=False)
 
@@ -124,22 +124,18 @@ class LineReader(Reader[Reading]):
         return reading
 
 
-class MavlinkFramer:
-    """What a reader of MAVLink shows of its framing: pymavlink does it."""
+class _MavlinkFramer(Framer):
+    """pymavlink's parser: it cuts and reads at once."""
 
-    waiting = False
-
-    def __init__(self, reader: "MavlinkReader") -> None:
-        self._reader = reader
-
-    @property
-    def dropped(self) -> int:
-        """Bytes that belonged to no message."""
-        return self._reader.bad_bytes
+    def __init__(self, make: Callable[[], Any]) -> None:
+        super().__init__()
+        self._make = make
+        self.reset()
 
     def reset(self) -> None:
-        """Forgets a message that has begun."""
-        self._reader.restart()
+        """A parser without a message that has begun."""
+        self.parser = self._make()
+        self.parser.robust_parsing = True
 
 
 @dataclass
@@ -153,9 +149,6 @@ class MavlinkReader(Reader[Reading]):
         inertial: whether HIGHRES_IMU is read.
         gps: whether GPS_RAW_INT is read.
         system, component: of the sender; None for those of the first reading: two vehicles are never mixed.
-
-    Attributes:
-        bad_bytes: bytes that belonged to no message.
     """
 
     depth: DepthSection | None
@@ -165,7 +158,6 @@ class MavlinkReader(Reader[Reading]):
     gps: bool = False
     system: int | None = None
     component: int | None = None
-    bad_bytes: int = 0
 
     def __post_init__(self) -> None:
         """Makes the parser.
@@ -174,9 +166,8 @@ class MavlinkReader(Reader[Reading]):
             ScenarioError: where pymavlink is not installed.
         """
         self._dialect = dialect()
-        self.framer = MavlinkFramer(self)
+        self.framer = self._cut = _MavlinkFramer(lambda: self._dialect.MAVLink(None))
         self._kinds = set(self.wanted(SLOW_HZ))
-        self.restart()
 
     def wanted(self, rate_hz: float) -> dict[str, float]:
         """The messages that are read, with the rates to ask for: `rate_hz`, of what does not move the vehicle 10 Hz."""
@@ -190,18 +181,13 @@ class MavlinkReader(Reader[Reading]):
             rates_hz["GPS_RAW_INT"] = slow_hz
         return rates_hz
 
-    def restart(self) -> None:
-        """A parser without a message that has begun."""
-        self._parser: Any = self._dialect.MAVLink(None)
-        self._parser.robust_parsing = True
-
     def feed(self, data: bytes) -> list[Reading]:
         """The readings that `data` completes."""
         found = []
-        for message in self._parser.parse_buffer(data) or []:
+        for message in self._cut.parser.parse_buffer(data) or []:
             kind = message.get_type()
             if kind == "BAD_DATA":
-                self.bad_bytes += len(message.data)
+                self._cut.dropped += len(message.data)
                 continue
             self.records += 1
             reading = self._reading(kind, message)
