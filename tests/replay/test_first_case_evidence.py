@@ -18,14 +18,13 @@ from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Inertial
 from bottomlock.recordings.track_fit import fit_track
-from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.case import Case, WhatIf, load_case
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.gyros import match_gyros, turns_of
 from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.run import replay_case
-from bottomlock.replay.what_if import WhatIf
 from tests import recorded_dives
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_csv

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
+from bottomlock.replay.case import WhatIf
 from bottomlock.replay.rerun import beams_returned
-from bottomlock.replay.what_if import WhatIf
 
 S = 1_000_000_000
 TIMES = np.arange(100, dtype=np.int64) * S + 5 * S

@@ -21,7 +21,7 @@ from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
-from bottomlock.replay.case import Case
+from bottomlock.replay.case import Case, WhatIf
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.compare import currents_table, fix_words
 from bottomlock.replay.findings.answers import answers
@@ -32,7 +32,6 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.replay.streams import Streams
-from bottomlock.replay.what_if import WhatIf
 from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import RECORDED, ReplayTables
 from bottomlock.tables.versions import library_versions
