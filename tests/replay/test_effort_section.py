@@ -117,15 +117,15 @@ def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
 
 def test_the_forces_fit_each_method(replayed: ReplayTables) -> None:
     """How the forces fit each method, of three rows a reading, and the current."""
-    rows = {row[0]: row[1:] for row in replayed.manifest["effort"]["fixes"]["recorded"]}
-    assert set(rows) == {"`tc`", "`sway_current`"}
-    readings, beyond, nis, degrees = rows["`tc`"]
-    count = 3 * len(forces_of(drawn_dive(7, seconds=210.0), 1)[0])
-    assert int(readings) == count
-    assert float(degrees) == 1.0
-    assert int(beyond) < 0.02 * count
+    rows = [row for row in replayed.manifest["sensors"]["recorded"] if row["sensor"].startswith("effort")]
+    assert {row["method"] for row in rows} == {"tc", "sway_current"}
+    tc = [row for row in rows if row["method"] == "tc"]
+    assert [row["sensor"] for row in tc] == ["effort_surge", "effort_sway", "effort_heave"]
+    count = len(forces_of(drawn_dive(7, seconds=210.0), 1)[0])
+    assert {(row["measured"], row["degrees"]) for row in tc} == {(count, 1.0)}
+    assert sum(row["rejected"] for row in tc) < 0.02 * 3 * count
     # The acceleration is a tenth of a second old: 1.16 seen, where chi-squared of as many rows is within 0.16.
-    assert abs(float(nis) - 1.0) < 0.2
+    assert abs(np.mean([row["nis"] for row in tc]) - 1.0) < 0.2
     assert replayed.currents is not None
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
 

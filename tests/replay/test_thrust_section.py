@@ -141,15 +141,14 @@ def test_the_revolutions_fit_each_method(replayed: ReplayTables) -> None:
     assert replayed.currents is not None
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
     assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
-    fixes = replayed.manifest["thrust"]["fixes"]
-    assert set(fixes) == {"recorded", "hidden"}
-    method, readings, beyond, nis, degrees = fixes["recorded"][0]
-    assert method == "`tc`"
+    sensors = replayed.manifest["sensors"]
+    assert set(sensors) == {"recorded", "hidden"}
+    row = next(row for row in sensors["recorded"] if (row["method"], row["sensor"]) == ("tc", "thrust"))
     # Every reading from the start to the last inertial one; chi-squared of 209 single rows, to 4 sigma.
-    assert int(readings) == len(revolutions_of(drawn_dive(7, seconds=210.0))[0])
-    assert float(degrees) == 1.0
-    assert abs(float(nis) - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
-    assert int(beyond) < 10
+    assert row["measured"] == len(revolutions_of(drawn_dive(7, seconds=210.0))[0])
+    assert row["degrees"] == 1.0
+    assert abs(row["nis"] - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
+    assert row["rejected"] < 10
 
 
 @pytest.mark.parametrize(

@@ -177,13 +177,13 @@ def test_ranges_to_the_bottom_cut_the_cells(tmp_path: Path, dive: Dive) -> None:
 
 
 def test_the_cells_fit_each_method(replayed: ReplayTables) -> None:
-    fixes = replayed.manifest["water_track"]["fixes"]
-    assert [row[0] for row in fixes["hidden"]] == ["`tc`", "`sway_current`"]
+    sensors = replayed.manifest["sensors"]
+    fits = {row["method"]: row for row in sensors["recorded"] if row["sensor"] == "water_track"}
+    assert list(fits) == ["tc", "sway_current"]
     assert set(replayed.manifest["files"]) == {"imu", "dvl", "water_track", "reference"}
-    nis, degrees = (float(text) for text in fixes["recorded"][0][3:])
     # The mean of two independent cells has half the variance of one, which is claimed: 2 of 4, of 837 pings to 4 sigma.
-    assert degrees == 4.0
-    assert abs(nis - 2.0) < 4.0 * np.sqrt(8.0 / 837.0) / 2.0
+    assert fits["tc"]["degrees"] == 4.0
+    assert abs(fits["tc"]["nis"] - 2.0) < 4.0 * np.sqrt(8.0 / 837.0) / 2.0
 
 
 def test_a_first_case_names_the_water_beside_the_beams(tmp_path: Path, dive: Dive) -> None:

@@ -23,7 +23,7 @@ use crate::imu_faults::put_faults;
 use crate::keys::{Keys, read};
 use crate::memory::product;
 use crate::prelude::*;
-use crate::replay_records::{put_innovations, put_pings};
+use crate::replay_records::{put_innovations, put_pings, put_sensors};
 use crate::state::state;
 
 struct OwnedLog {
@@ -158,6 +158,10 @@ fn numbers(keys: &Keys<'_>, key: &str, count: usize, width: usize) -> PyResult<V
 ///     - where `options.calibration` is on: calibration and calibration_sd (M, T, 4), the rotation of the DVL from its stated
 ///       mounting about forward, right and down (rad) and the time to add to its stamps (s), with `covariances` also
 ///       calibration_covariance (M, T, 4, 4); they are constants, so the last sample has what a smoother would give;
+///     - sensors, a list of a dict for each method, which has for each sensor that measured (`beams` among them) how many readings were
+///       measured, rejected by the gate, left_out near the vertical, how often they inflated the covariance, and the sums of the
+///       NIS and of its degrees; and slow_errors, a list of a dict for each method: the largest estimate at a sample of each block of
+///       slow errors, in sigmas of its prior;
 ///     - with `covariances`: `covariance` (M, T, 20, 20), with `smooth` also `smoothed_covariance`;
 ///     - with `innovations`, or of the withheld rows alone: a list of a dict for each method, which has for each sensor, and for the
 ///       sway and heave that sway_current assumes, the innovations before any gate: time_ns and withheld (n,), rows (n,),
@@ -229,6 +233,7 @@ pub fn replay_log<'py>(
     put_attitude_errors(&out, tracks)?;
     put_currents(&out, tracks)?;
     put_pings(&out, tracks, log.pings.len(), beams)?;
+    put_sensors(&out, tracks)?;
     if innovations || log.withheld.iter().any(|flags| !flags.is_empty()) {
         put_innovations(&out, tracks)?;
     }

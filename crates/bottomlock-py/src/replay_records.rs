@@ -1,5 +1,7 @@
 //! What a replay records of each ping and of the innovation of each measurement, as arrays.
 
+use std::collections::BTreeMap;
+
 use bottomlock::dvl::geometry::MAX_BEAMS;
 use bottomlock::filter::report::Sensor;
 use bottomlock::replay::{InnovationRecord, PingRecord, Track};
@@ -22,6 +24,30 @@ pub fn put_innovations(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()
         Ok(sensors)
     });
     out.set_item("innovations", of_methods.collect::<PyResult<Vec<_>>>()?)
+}
+
+/// For each method what it made of the measurements of each sensor, and how far each slow error left its prior.
+pub fn put_sensors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
+    let py = out.py();
+    let of_methods = tracks.iter().map(|track| {
+        let sensors = PyDict::new(py);
+        for (sensor, record) in &track.sensors {
+            let one = PyDict::new(py);
+            one.set_item("measured", record.measured)?;
+            one.set_item("rejected", record.rejected)?;
+            one.set_item("left_out", record.left_out)?;
+            one.set_item("inflated", record.inflated)?;
+            one.set_item("nis", record.nis)?;
+            one.set_item("degrees", record.degrees)?;
+            sensors.set_item(sensor.name(), one)?;
+        }
+        Ok(sensors)
+    });
+    out.set_item("sensors", of_methods.collect::<PyResult<Vec<_>>>()?)?;
+    let slow_errors = tracks
+        .iter()
+        .map(|track| track.slow_errors.iter().copied().collect::<BTreeMap<_, _>>());
+    out.set_item("slow_errors", slow_errors.collect::<Vec<_>>())
 }
 
 fn of_sensor<'py>(py: Python<'py>, records: &[&InnovationRecord]) -> Dict<'py> {

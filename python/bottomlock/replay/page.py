@@ -40,6 +40,11 @@ _CALIBRATION_WORDS = (
     "Estimated from the whole log, 1 sigma. Mounting: rotation from the stated one about forward, right, down. Clock: "
     "to be added to the DVL's stamps. What the motion does not show keeps the σ that it had before."
 )
+_SENSOR_WORDS = (
+    "Readings that reached the filter, those left out as none, the part that the gate rejected, how often rejections "
+    "inflated the covariance, means of NIS and its degrees of freedom, and the largest estimate of the sensor's slow "
+    "errors (bias, offset, walk, deviation) in σ of what the case states."
+)
 _CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
 
 
@@ -66,8 +71,7 @@ def page_of(
             "Which beams returned",
             [picture for drawing, picture in figures if drawing.name == VALIDITY],
         ),
-        *([_water(manifest)] if "water_track" in manifest else []),
-        *(_driven(manifest, section) for section in DRIVEN if section in manifest),
+        *([_sensors(manifest)] if "sensors" in manifest else []),
         *([_calibration(tables.calibration)] if tables.calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -252,32 +256,25 @@ def _known(columns: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> dic
     return {head: key for head, key in columns.items() if any(row[key] is not None for row in rows)}
 
 
-def _water(manifest: Mapping[str, Any]) -> Part:
-    """What was used of the cells, and what each method made of it."""
-    terms = Terms([("Beams in cells", manifest["water_track"]["cells"])])
-    caption = "Beams of the water as the filters used them"
-    return Part("water", "Water track", [terms, _fixes(manifest, "water_track", "Pings", caption)])
+_SENSOR_COLUMNS = [
+    "Sensor", "What-if", "Method", "Readings", "Left out", "Rejected, %", "Inflated", "NIS", "of", "Slow error, σ"
+]  # fmt: skip
 
 
-DRIVEN = {
-    "thrust": ("Thrust", "Revolutions as the filters used them"),
-    "effort": ("Forces of thrusters", "Forces along each axis as the filters used them"),
-}
-"""Sections of what drives the vehicle: title and caption."""
-
-
-def _driven(manifest: Mapping[str, Any], section: str) -> Part:
-    """How the readings of what drives the vehicle fit each method."""
-    title, caption = DRIVEN[section]
-    return Part(section, title, [_fixes(manifest, section, "Readings", caption)])
-
-
-def _fixes(manifest: Mapping[str, Any], section: str, readings: str, caption: str) -> Table:
-    """The readings of a section by what-if case and method."""
-    fixes = manifest[section]["fixes"]
-    rows = [[title_of(name), *row] for name, _ in manifest["what_if"] for row in fixes[name]]
-    columns = ["What-if", "Method", readings, "Beyond the gate", "NIS", "of"]
-    return Table(columns, rows, f"{caption}: NIS and its degrees of freedom, means.", left=2)
+def _sensors(manifest: Mapping[str, Any]) -> Part:
+    """What the filters made of the readings of each sensor."""
+    rows = [
+        [
+            row["sensor"].replace("_", " "), title_of(name), f"`{row['method']}`", str(row["measured"]),
+            str(row["left_out"]), number(100.0 * row["rejected"] / row["measured"], 2), str(row["inflated"]),
+            number(row["nis"]), number(row["degrees"]), number(row["slow_error"]) if row["slow_error"] else "–",
+        ]
+        for name, of_case in manifest["sensors"].items()
+        for row in of_case
+    ]  # fmt: skip
+    rows.sort(key=lambda row: row[0])
+    cells = [Terms([("Beams in cells", manifest["water_cells"])])] if "water_cells" in manifest else []
+    return Part("sensors", "Sensors", [*cells, Table(_SENSOR_COLUMNS, rows, _SENSOR_WORDS, left=3)])
 
 
 def _calibration(table: pl.DataFrame) -> Part:

@@ -263,7 +263,6 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
             start,
             sample_time_ns=prepared.sample_time_ns,
             smooth=smooth,
-            innovations=bool(prepared.streams.through_water) and not smooth,
             threads=threads,
         )
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -23,10 +23,11 @@ from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case, WhatIf
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.compare import currents_table, fix_words
+from bottomlock.replay.compare import currents_table
 from bottomlock.replay.findings.answers import answers
 from bottomlock.replay.findings.attitude_checks import attitude_findings
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
+from bottomlock.replay.findings.sensors import SensorRow, sensor_rows
 from bottomlock.replay.findings.trust import Answer
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
@@ -76,7 +77,7 @@ def replay_case(
         name: [] for name in (*PARTS, CALIBRATION, CURRENTS, "imu_faults")
     }
     imu_faults: list[str] = []
-    fixes: dict[str, dict[str, list[list[str]]]] = {section: {} for section in streams.through_water}
+    sensors: dict[str, list[SensorRow]] = {}
     prepared = rerun.prepare(case, streams)
     log = measured(prepared)
     cases = [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]
@@ -90,13 +91,12 @@ def replay_case(
         parts[CURRENTS].append(currents_table(case, name, result))
         parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
         imu_faults = imu_faults or fault_words(result)
-        for section, rows in fixes.items():
-            rows[name] = fix_words(case, result, section)
+        sensors[name] = sensor_rows(case.replay.filters, result.result, streams.left_out)
         progress(done)
     tables = {name: pl.concat(parts[name]) for name in PARTS}
     path = compare.path_table(streams)
     first = _first(tables)
-    diagnosis = diagnose(case, prepared, first["samples"], first["innovations"])
+    diagnosis = diagnose(case, prepared, first["samples"], first["innovations"], sensors[RECORDED])
     return ReplayTables(
         runs=runs_table(
             tables["samples"],
@@ -118,8 +118,9 @@ def replay_case(
             wall_s=time.perf_counter() - started,
         )
         | {"methods": _methods(case, first["samples"])}
-        | _through_water(streams, fixes)
+        | ({} if streams.water_counts is None else {"water_cells": streams.water_counts.text()})
         | {
+            "sensors": {name: [row.to_json() for row in rows] for name, rows in sensors.items()},
             "answer": diagnosis.answer.to_json(),
             "findings": findings_json(diagnosis.findings),
             "answers": answers(prepared, first["samples"], _told(case, diagnosis.answer)),
@@ -132,14 +133,6 @@ def _joined(parts: list[pl.DataFrame]) -> pl.DataFrame | None:
     """The parts as one table; None without a row."""
     table = pl.concat(parts)
     return table if table.height else None
-
-
-def _through_water(streams: Streams, fixes: Mapping[str, Any]) -> dict[str, Any]:
-    """What the manifest has of each section that measures the motion through the water."""
-    found = {section: {"fixes": rows} for section, rows in fixes.items()}
-    if streams.water_counts is not None:
-        found["water_track"]["cells"] = streams.water_counts.text()
-    return found
 
 
 def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, threads: int) -> rerun.Rerun:

@@ -142,6 +142,11 @@ impl GaussMarkovStates {
         &self.estimate
     }
 
+    /// How far the estimates are from those at the start.
+    pub(super) fn error(&self) -> FurtherVector {
+        self.estimate - self.initial
+    }
+
     /// Forgets the estimates.
     pub(super) fn restart(&mut self) {
         self.estimate = self.initial;

@@ -51,7 +51,8 @@ use self::update::not_positive_definite;
 use crate::aiding::MAX_ROWS;
 use crate::aiding::deviation::harmonics;
 use crate::aiding::further::{
-    DEPTH_BIAS, DEVIATION, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR,
+    DEPTH_BIAS, DEVIATION, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_HEADING_DEVIATION,
+    FIRST_HEADING_ERROR, FURTHER_BLOCKS,
 };
 use crate::aiding::thrust::ThrustUse;
 use crate::aiding::{Innovation, Motion, TangentRows};
@@ -181,6 +182,23 @@ impl Eskf {
             let slow = [(first, 1.0), (first + 1, 1.0)];
             self.slow_error(&[&slow[..], &self.deviation(FIRST_HEADING_DEVIATION)].concat())
         })
+    }
+
+    /// Each block of slow errors of sensors by its name in [`FURTHER_BLOCKS`], with the largest estimate of one of its states in
+    /// sigmas of its prior.
+    #[must_use]
+    pub fn slow_errors(&self) -> Vec<(&'static str, f64)> {
+        let processes = &self.extensions.processes;
+        let sigmas = |k: usize| match processes.variance()[k] {
+            0.0 => 0.0,
+            variance => processes.error()[k].abs() / variance.sqrt(),
+        };
+        let blocks = FURTHER_BLOCKS
+            .into_iter()
+            .filter(|(_, block)| processes.unknown().any(|one| one == *block));
+        blocks
+            .map(|(name, block)| (name, block.map(sigmas).fold(0.0, f64::max)))
+            .collect()
     }
 
     /// Whether the filter has one of the blocks of slow errors.

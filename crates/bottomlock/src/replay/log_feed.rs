@@ -2,7 +2,7 @@
 
 use super::innovations::{InnovationRecord, Withheld};
 use super::log::{IMU, in_row};
-use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAMS, Series, Track};
+use super::{BridgedInterval, ImuFaults, PingRecord, Replay, STREAMS, Series, Track, sensor_record};
 use crate::error::NavError;
 use crate::filter::BridgeNoise;
 use crate::filter::filter_group::{FilterSpan, Owner};
@@ -62,6 +62,7 @@ impl MethodReplay {
             self.withheld.advance(sample, bridge, &mut track.innovations)?;
         }
         let note = &mut |report: &UpdateReport| {
+            sensor_record::count(&mut track.sensors, report);
             if request.innovations {
                 track.innovations.extend(InnovationRecord::of(report, false));
             }
@@ -90,6 +91,12 @@ impl MethodReplay {
         let filter = self.navigator.filter();
         self.track.attitude_errors.extend(filter.attitude_error_rad());
         self.track.currents.push(filter.current());
+        let slow = filter.slow_errors();
+        let largest = &mut self.track.slow_errors;
+        largest.resize(slow.len(), ("", 0.0));
+        for (kept, now) in largest.iter_mut().zip(slow) {
+            *kept = (now.0, kept.1.max(now.1));
+        }
         let calibration = filter.calibration();
         let numbers = calibration.map(|(estimate, covariance)| (estimate.numbers(), covariance));
         self.track.calibrations.extend(numbers);

@@ -13,6 +13,7 @@ mod innovations;
 mod log;
 mod log_feed;
 mod ping;
+mod sensor_record;
 
 use crate::aiding::calibration::{CalibrationCovariance, CalibrationVector};
 use crate::dvl::geometry::BeamGeometry;
@@ -35,6 +36,7 @@ use self::log::IMU;
 pub use self::log::{Log, Unused};
 use self::log_feed::{LogFeed, MethodReplay};
 pub use self::ping::{FIX_STATUS, FixStatus, PingRecord};
+pub use self::sensor_record::{SensorRecord, SensorRecords};
 pub use crate::navigator::events::{STREAM_NAMES, STREAMS};
 
 /// Inputs of a replay.
@@ -98,6 +100,10 @@ pub struct Track {
     pub smoothed: Series,
     /// A record for each ping of the log.
     pub pings: Vec<PingRecord>,
+    /// What was made of the measurements of each sensor.
+    pub sensors: SensorRecords,
+    /// Largest estimate of each block of slow errors at a sample, in sigmas of its prior ([`crate::filter::Eskf::slow_errors`]).
+    pub slow_errors: Vec<(&'static str, f64)>,
     /// Innovations of all measurements, in order, if they were requested, and of those that are withheld.
     pub innovations: Vec<InnovationRecord>,
     /// Estimates of the DVL's mounting and clock at each sample, as numbers, with their covariance; empty where they are

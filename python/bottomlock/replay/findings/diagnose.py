@@ -1,5 +1,6 @@
 """The findings of a replay, the verdict first, then the likely causes; and the answer that they amount to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import attitude_findings, heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
+from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import fits, track_finding
 from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
@@ -51,7 +53,11 @@ class Diagnosis:
 
 
 def diagnose(
-    case: Case, prepared: PreparedRun, samples: pl.DataFrame, innovations: pl.DataFrame
+    case: Case,
+    prepared: PreparedRun,
+    samples: pl.DataFrame,
+    innovations: pl.DataFrame,
+    sensors: Sequence[SensorRow],
 ) -> Diagnosis:
     """Of the recording as it is: the verdict, the likely causes, claims that a reference contradicts, and the answer.
 
@@ -60,6 +66,7 @@ def diagnose(
         prepared: its start and settings.
         samples: `tables.replay.REPLAY_SAMPLES` of the recording.
         innovations: the same, `tables.replay.innovations_schema`.
+        sensors: the same, of every method.
     """
     methods = case.replay.filters
     causes = _causes(case, prepared, samples)
@@ -95,6 +102,7 @@ def diagnose(
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),
         methods=methods,
+        sensors=sensors,
         sd_m={name: row["sd_m"] for name, row in tracks.items()},
         way_m=tracks[stands]["way_m"],
         reach_m=_reach_m(samples, stands),

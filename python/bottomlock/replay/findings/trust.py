@@ -11,6 +11,7 @@ from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.against_reckoning import AXES, TRUSTED, VAGUE, Agreement, metres
+from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
@@ -108,6 +109,7 @@ class Evidence:
         sway: as measured.
         partial: part of the pings with fewer than three beams.
         methods: filters of the case.
+        sensors: what they made of each sensor.
         sd_m: claimed σ of the horizontal position at the end, of each method.
         way_m: distance travelled, by dead reckoning where there is one.
         reach_m: greatest distance of the track from its start.
@@ -128,6 +130,7 @@ class Evidence:
     sway: Sway | None
     partial: float
     methods: Sequence[str]
+    sensors: Sequence[SensorRow]
     sd_m: Mapping[str, float]
     way_m: float
     reach_m: float
