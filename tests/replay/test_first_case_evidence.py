@@ -143,13 +143,14 @@ def test_noise_put_in_is_found(dive: Dive, accel: float, gyro: float) -> None:
 
 @pytest.mark.parametrize("every", [5, 50, 100])
 def test_a_slow_or_noisy_attitude_is_not_taken_for_gyro_noise(dive: Dive, every: int) -> None:
-    """Readings 0.1 to 2 s apart with white noise of a degree: the offset stands out, small noise does not."""
+    """Readings 0.1 to 2 s apart with white noise of a degree: the offset and that noise stand out, none of gyros."""
     times, platform = attitude(dive, every)
     rng = np.random.default_rng(9)
     platform = platform * Rotation.from_rotvec(np.deg2rad(1.0) * rng.normal(size=(len(times), 3)))
     found = match_gyros(ns(dive.imu_s), dive.omega + OFFSET_RADPS, times, platform, 0.5)
     assert found is not None
     assert found.noise_rad_rts < 1e-3
+    assert np.rad2deg(found.white_rad) == pytest.approx([1.0, 1.0, 1.0], rel=0.25)
     assert (np.abs(found.offset_radps - OFFSET_RADPS) < 4.0 * found.offset_sd_radps + 2e-4).all()
 
 

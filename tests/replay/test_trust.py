@@ -15,6 +15,7 @@ from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.against_reckoning import FALSE_ALARM, LIMIT, TIMES, Agreement, agreements
+from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import Sway, _own
 from bottomlock.replay.findings.trust import Evidence, Reference, against_reference, answer_of
 from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
@@ -111,8 +112,8 @@ def evidence(**changes: object) -> Evidence:
     whole: dict[str, object] = {
         "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
         "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": None, "sway": None,
-        "partial": 0.0, "methods": ("tc", "sway_current"), "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0},
-        "way_m": 500.0, "reach_m": 100.0, "geometry_open": False,
+        "partial": 0.0, "methods": ("tc", "sway_current"), "sensors": (),
+        "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0}, "way_m": 500.0, "reach_m": 100.0, "geometry_open": False,
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
 
@@ -262,6 +263,7 @@ def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Pa
     path = write_case(drawn_dive(21, seconds=120.0), tmp_path)
     before, rest = path.read_text(encoding="utf-8").split("[reference]")
     text = before + rest[rest.index("[start]") :].replace('position = "reference"', 'position = "given"')
+    text = text.replace("position_sd_m = [0.1, 0.1, 0.1]", "position_sd_m = [0.1, 0.1, 5.0]")
     path.write_text(text.replace("[dvl]", "[dvl]\ngeometry_known = false"), encoding="utf-8")
     answer = replay_case(load_case(path)).manifest["answer"]
     assert (answer["verdict"], answer["method"]) == ("partly", "tc")
@@ -292,3 +294,21 @@ def test_the_sway_is_measured_through_the_noise(sd: float, time_s: float) -> Non
     assert np.sqrt(var) == pytest.approx(sd, rel=0.2)
     assert found_s == pytest.approx(time_s, rel=0.4)
     assert _own(0.1 * rng.normal(size=5000), step) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("row", "answer"),
+    [
+        (SensorRow("tc", "depth", 0, 100, 10, 0, 1.0, 1.0, 4.0), "yes"),
+        (SensorRow("tc", "depth", 0, 100, 11, 0, 1.0, 1.0, 0.0), "partly"),
+        (SensorRow("tc", "depth", 0, 100, 0, 0, 1.0, 1.0, 4.1), "partly"),
+        (SensorRow("tc", "depth", 0, 19, 19, 0, 1.0, 1.0, 9.0), "yes"),
+        (SensorRow("tc", "motion", 0, 100, 99, 0, 9.0, 1.0, 0.0), "yes"),
+        (SensorRow("ins", "depth", 0, 100, 99, 0, 9.0, 1.0, 9.0), "yes"),
+    ],
+)
+def test_a_sensor_that_contradicts_the_method_is_a_doubt(row: SensorRow, answer: str) -> None:
+    """One that was measured, of the method to take; the doubt is named."""
+    found = answer_of(evidence(sensors=(row,)))
+    assert found.verdict == answer
+    assert ("readings of depth" in found.sentence) is (answer == "partly")

@@ -6,7 +6,8 @@ from typing import Any
 
 from bottomlock.recordings.screen import LeftOut
 
-BEAMS = "beams"
+ASSUMED = ("beams", "sway", "heave", "speed", "motion")
+"""Beams, which have their own verdict, and what is assumed and not measured."""
 SLOW_ERRORS = {
     "depth_bias_m": "depth", "attitude_error_rad": "attitude", "attitude_deviation_rad": "attitude",
     "heading_error_rad": "heading", "heading_deviation_rad": "heading",
@@ -43,6 +44,16 @@ class SensorRow:
     def rejected_part(self) -> float:
         """Part of the readings that was rejected."""
         return self.rejected / self.measured
+
+    def words(self) -> str:
+        """The numbers in one sentence."""
+        slow = (
+            f"; its slow error is {self.slow_error:.2g} times what the case states" if self.slow_error else ""
+        )
+        return (
+            f"Of {self.measured} readings of {self.sensor.replace('_', ' ')} {100.0 * self.rejected_part:.2g} % are "
+            f"rejected, NIS {self.nis:.2g} of {self.degrees:.2g}{slow}."
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The row in the types of JSON."""

@@ -11,7 +11,7 @@ from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.findings.against_reckoning import AXES, TRUSTED, VAGUE, Agreement, metres
-from bottomlock.replay.findings.sensors import SensorRow
+from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
@@ -29,6 +29,13 @@ FREE = "ins"
 """Free inertial navigation, the comparison without a DVL."""
 PARTIAL = 0.1
 """Part of the pings with fewer than three beams from which an assumption on the sway helps."""
+REJECTED = 0.1
+"""Part of a sensor's readings whose rejection is a doubt: right dives of tests/dive.py have 0.02 at most, St Pere,
+A-KIT, BlueROV2 and the boat 0.01; the glider's depth, which its surfacings contradict, 0.26 (`tools.first_line`)."""
+FEWEST_READINGS = 20
+SLOW_SIGMAS = 4.0
+"""Slow error of a sensor, in σ of what the case states, that is a doubt: 2.5 at most on those dives, 1.7 on right
+recordings; depths that jump, or are pressures, have 6 and more."""
 NEAR_SIGMAS = 1.0
 """Distance from dead reckoning, in σ of both, up to which a mistake has not moved the track: dives of St Pere and of
 tests/dive.py whose track is right have 1.1 at most, planted mistakes that move it 1.6 or more (`tools.first_line`)."""
@@ -151,6 +158,15 @@ class Evidence:
         name = recommended(self) if self.judged is None else self.judged.method
         return self.sd_m.get(name, 0.0)
 
+    @property
+    def doubted(self) -> SensorRow | None:
+        """The sensor beside the beams that contradicts the method to take most; None without one."""
+        taken = recommended(self) if self.judged is None else self.judged.method
+        rows = [one for one in self.sensors if one.method == taken and one.sensor not in ASSUMED]
+        rows = [one for one in rows if one.measured >= FEWEST_READINGS]
+        doubted = [one for one in rows if one.rejected_part > REJECTED or one.slow_error > SLOW_SIGMAS]
+        return max(doubted, key=lambda one: (one.rejected_part, one.slow_error), default=None)
+
 
 @dataclass(frozen=True)
 class Rule:
@@ -191,6 +207,11 @@ RULES = (
             else ""
         ),
         "Check reference.clock and heading; where reference.sd_m is too small, state it.",
+    ),
+    Rule(
+        lambda evidence: evidence.doubted is not None,
+        lambda evidence: evidence.doubted.words() if evidence.doubted else "",
+        "Look at this sensor's noise, unit and axes in the case, or leave it out.",
     ),
     Rule(
         _vague,

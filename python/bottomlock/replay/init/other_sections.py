@@ -141,8 +141,13 @@ def _evidence(
     return found
 
 
-def put_attitude_noise(section: Section) -> None:
-    """The grade of the instrument, with its white noise, offset and walk as the filter then estimates them."""
+def put_attitude_noise(section: Section, gyros: GyroMatch | None) -> None:
+    """The grade of the instrument, with its white noise, offset and walk as the filter then estimates them.
+
+    Args:
+        section: of the attitude.
+        gyros: against the attitude, whose white noise replaces the grade's where it exceeds that; None without one.
+    """
     grade = grades("attitude")[MAGNETIC]
     section.put("grade", grade.name, f"which instrument is it? {grade.title}", known=False)
     keys = grade.keys
@@ -152,6 +157,10 @@ def put_attitude_noise(section: Section) -> None:
         f"{keys['roll_pitch_walk_sd_deg']:g} ({keys['yaw_walk_sd_deg']:g}) of {keys['walk_time_s']:g} s: a key written "
         "here replaces the grade's"
     )
+    white_deg = np.zeros(3) if gyros is None else np.rad2deg(gyros.white_rad)
+    for key, sd_deg in (("roll_pitch_sd_deg", white_deg[:2].max()), ("yaw_sd_deg", white_deg[2])):
+        if sd_deg > keys[key]:
+            section.put(key, float(f"{sd_deg:.2g}"), "it scatters so about the turns of the gyros")
 
 
 OUTAGE_S = 60.0

@@ -327,7 +327,7 @@ def _attitude(parts: Parts, files: Files) -> list[Section]:
             known=False,
         )  # fmt: skip
     _put_declination(section, attitude, referenced=parts.reference is not None)
-    put_attitude_noise(section)
+    put_attitude_noise(section, parts.gyros)
     return [section]
 
 

@@ -46,6 +46,7 @@ class GyroMatch:
         noise_rad_rts: random walk of the integrated gyros, RMS over the axes, rad/√s; 0 where the noise of the
             attitude hides it.
         lag_s: the longest interval at which the noise was found.
+        white_rad: (3,) white noise of the attitude about forward, right and down of the platform; 0 where none shows.
     """
 
     offset_radps: Floats
@@ -53,6 +54,7 @@ class GyroMatch:
     wander_radps_rts: float
     noise_rad_rts: float
     lag_s: float
+    white_rad: Floats
 
 
 def attitude_at(
@@ -178,12 +180,12 @@ def match_gyros(
     offsets = _slopes(J, angle, part)
     left = angle - np.einsum("pij,pj->pi", J, offsets[part])
     offset, scatter = np.median(offsets, axis=0), sd_about_median(offsets, axis=0)
-    density, lag_s = _noise(times, part, C, left, interval_s)
+    density, white, lag_s = _noise(times, part, C, left, interval_s)
     means = segments.omega_p_radps.mean(axis=1)[segment[first]]
     apart_s = float(np.median(np.diff(times[first]))) * 1e-9
     return GyroMatch(
         offset, scatter / np.sqrt(len(offsets)), _wander(offsets, means, apart_s),
-        float(np.sqrt(np.mean(density**2))), lag_s,
+        float(np.sqrt(np.mean(density**2))), lag_s, white,
     )  # fmt: skip
 
 
@@ -216,8 +218,8 @@ def _slopes(J: Floats, angle: Floats, part: Integers) -> Floats:
 
 def _noise(
     time_ns: Integers, part: Integers, C: Floats, left: Floats, interval_s: float
-) -> tuple[Floats, float]:
-    """(3,) random walk of what is left, and the longest interval that it was found at, s.
+) -> tuple[Floats, Floats, float]:
+    """(3,) random walk of what is left, (3,) white noise of the attitude, and the longest interval of both, s.
 
     The variance over an interval is that of the attitude's own white noise, twice, and the walk's, which grows with it.
     """
@@ -232,18 +234,18 @@ def _noise(
         if good.sum() >= LEAST_PAIRS:
             moved = np.einsum("pji,pj->pi", C[:-lag], left[lag:] - left[:-lag])[good]
             found.append((lag, moved))
-    return _walk(found, step_s), max((lag for lag, _ in found), default=1) * step_s
+    return *_walk(found, step_s), max((lag for lag, _ in found), default=1) * step_s
 
 
-def _walk(differences: list[tuple[int, Floats]], step_s: float) -> Floats:
-    """(3,) random walk by the growth of the variance with the lag; 0 where it does not stand out.
+def _walk(differences: list[tuple[int, Floats]], step_s: float) -> tuple[Floats, Floats]:
+    """(3,) random walk by the growth of the variance with the lag, and white noise by what does not grow; 0 for none.
 
     Args:
         differences: lags, in steps, and (n, 3) differences over each.
         step_s: length of a step.
     """
     if len(differences) < 2:
-        return np.zeros(3)
+        return np.zeros(3), np.zeros(3)
     rows, target, each = [], [], []
     for lag, moved in differences:
         spread = sd_about_median(moved, axis=0) ** 2
@@ -252,10 +254,12 @@ def _walk(differences: list[tuple[int, Floats]], step_s: float) -> Floats:
         target.append(weight * spread)
         each.append(spread)
     A, spreads = np.array(rows), np.array(each)
-    steep = np.linalg.lstsq(A, np.array(target), rcond=None)[0][1]
+    level, steep = np.linalg.lstsq(A, np.array(target), rcond=None)[0]
+    white = np.sqrt(0.5 * np.maximum(level, 0.0))
     share = np.sqrt((spreads**2).sum(axis=1)).mean() / max(float(spreads.sum(axis=1).mean()), 1e-30)
     sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
-    return np.sqrt(np.maximum(steep, 0.0)) if float(steep.mean()) > RESOLVED * sd else np.zeros(3)
+    walk = np.sqrt(np.maximum(steep, 0.0)) if float(steep.mean()) > RESOLVED * sd else np.zeros(3)
+    return walk, white
 
 
 def _wander(offsets: Floats, rates: Floats, apart_s: float) -> float:
