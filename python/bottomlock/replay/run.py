@@ -25,7 +25,7 @@ from bottomlock.replay.case import Case, WhatIf
 from bottomlock.replay.clock import ClockReport
 from bottomlock.replay.compare import currents_table
 from bottomlock.replay.findings.answers import answers
-from bottomlock.replay.findings.attitude_checks import attitude_findings
+from bottomlock.replay.findings.attitude_checks import attitude_findings, attitude_turns
 from bottomlock.replay.findings.diagnose import diagnose, findings_json
 from bottomlock.replay.findings.sensors import SensorRow, sensor_rows
 from bottomlock.replay.findings.trust import Answer
@@ -145,7 +145,7 @@ def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, thre
     try:
         return rerun.run_methods(case, prepared, what_if, threads=threads)
     except KernelError as error:
-        causes = attitude_findings(case, prepared)
+        causes = attitude_findings(case, attitude_turns(case, prepared))
         if not causes:
             raise
         raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].hint}") from error

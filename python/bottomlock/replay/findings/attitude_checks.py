@@ -33,27 +33,59 @@ UNITS = {np.pi / 180.0: ("deg/s", "rad/s"), 180.0 / np.pi: ("rad/s", "deg/s")}
 """Ratio of gyros to attitude: the unit that is stated, and the right one."""
 
 
-def attitude_findings(case: Case, prepared: PreparedRun) -> list[Finding]:
-    """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
+@dataclass(frozen=True, eq=False)
+class AttitudeTurns:
+    """Turns of gyros and attitude, and gravity in both.
+
+    Attributes:
+        turns: over steps of a second.
+        down: (n, 3) directions of gravity by accelerometers and attitude.
+        rotation: from the attitude's axes to those of the gyros, as it fits.
+        ratio: slope of the gyros over the attitude, 1 in the right unit.
+        correlation: of both.
+    """
+
+    turns: Turns
+    down: tuple[Floats, Floats]
+    rotation: Rotation
+    ratio: float
+    correlation: float
+
+    @property
+    def unit_is_right(self) -> bool:
+        """Whether the gyros turn about as far as the attitude."""
+        return abs(np.log(abs(self.ratio))) < np.log(2.0)
+
+
+def attitude_turns(case: Case, prepared: PreparedRun) -> AttitudeTurns | None:
+    """Turns of gyros and recorded attitude; None without either, and where they are not of one vehicle."""
     attitudes, inertial = prepared.streams.attitudes, prepared.readings
     # Without an IMU the turns are those of the attitude itself.
     if case.attitude is None or attitudes is None or not isinstance(case.imu, ImuStream):
-        return []
+        return None
     rows = slice(int(np.searchsorted(attitudes.time_ns, prepared.alignment.time_ns)), None)
     turns = turns_of(
         inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns[rows], attitudes.attitude[rows]
     )
     if turns is None or len(turns.gyros) < FEWEST:
-        return []
+        return None
     edges = np.arange(turns.edges_ns[0], turns.edges_ns[-1], round(LEVEL_S * 1e9), dtype=np.int64)
     force = integrals(inertial.time_ns, inertial.force_p_mps2, edges)
     level = integrals(attitudes.time_ns, attitudes.attitude.inv().apply([0.0, 0.0, 1.0]), edges)
     down = -_unit_rows(force), _unit_rows(level)
     rotation = _aligned(turns, *down)
     ratio, correlation = turns.slope(rotation)
-    if correlation < CORRELATED:
+    return AttitudeTurns(turns, down, rotation, ratio, correlation) if correlation >= CORRELATED else None
+
+
+def attitude_findings(case: Case, seen: AttitudeTurns | None) -> list[Finding]:
+    """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
+    if seen is None:
         return []
-    found = [_unit(case, ratio, correlation, turns), _mounting(turns, down, rotation, ratio)]
+    found = [
+        _unit(case, seen.ratio, seen.correlation, seen.turns),
+        _mounting(seen.turns, seen.down, seen.rotation, seen.ratio),
+    ]
     return [one for one in found if one is not None]
 
 

@@ -19,7 +19,12 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.answers import closure_words
-from bottomlock.replay.findings.attitude_checks import attitude_findings, heading_findings
+from bottomlock.replay.findings.attitude_checks import (
+    AttitudeTurns,
+    attitude_findings,
+    attitude_turns,
+    heading_findings,
+)
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
@@ -184,12 +189,13 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     time_ns, velocity = ping_velocity(
         B, streams.beams.time_ns, np.nan_to_num(streams.beams.velocity_mps), streams.beams.valid
     )
+    turns = attitude_turns(case, prepared)
     inside = time_ns >= alignment.time_ns
     time_ns, velocity = time_ns[inside], velocity[inside] / geometry.sound_speed_scale
     # Readings that are made from the attitude and the DVL itself say nothing about the DVL.
     if len(time_ns) > LEAST_PINGS and isinstance(case.imu, ImuStream):
-        found += _against_imu(case, prepared, time_ns, velocity)
-    against = attitude_findings(case, prepared)
+        found += _against_imu(case, prepared, time_ns, velocity, turns)
+    against = attitude_findings(case, turns)
     moved = {one.kind for one in found if one is not None}
     # One unit has one finding; and axes that are wrong turn the attitude against the IMU too.
     found += [
@@ -218,7 +224,7 @@ def _with_track(causes: list[Finding], track: Finding | None) -> list[Finding]:
 
 
 def _against_imu(
-    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats
+    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats, turns: AttitudeTurns | None
 ) -> list[Finding | None]:
     streams, alignment = prepared.streams, prepared.alignment
     inertial = prepared.readings
@@ -232,7 +238,8 @@ def _against_imu(
     B = np.asarray(streams.instrument.geometry.directions_p)
     beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), _measured_noise(prepared))
     noise = float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
-    comparison = compare(recorded, tight, noise)
+    known = turns is not None and turns.unit_is_right
+    comparison = compare(recorded, tight, noise, unit_is_right=known)
     if comparison is None:
         return []
     down = np.abs(B @ _mean_down(prepared))

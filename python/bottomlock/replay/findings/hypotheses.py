@@ -130,13 +130,16 @@ def tight_priors(gyro_bias_radps: float, accel_bias_mps2: float) -> dict[str, fl
     }  # fmt: skip
 
 
-def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Comparison | None:
+def compare(
+    recorded: Recorded, tight: dict[str, float], sigma_mps: float, *, unit_is_right: bool = False
+) -> Comparison | None:
     """Fits what is stated, what is best, and every single mistake.
 
     Args:
         recorded: readings and velocities as the case states them.
         tight: 1 sigma of what is stated.
         sigma_mps: claimed noise of a velocity, per axis.
+        unit_is_right: whether something else shows that the unit of the gyros is as stated.
     """
     free, near = fit(recorded, prior=LOOSE), fit(recorded, prior=tight)
     if free is None or near is None:
@@ -144,6 +147,7 @@ def compare(recorded: Recorded, tight: dict[str, float], sigma_mps: float) -> Co
     fails = near.sigma_mps > 1.15 * free.sigma_mps or near.sigma_mps > 2.0 * sigma_mps or not free.plausible
     # Only a comparison that fails gets the search over axes and units.
     mistakes = [Mistake(name) for name in SIMPLER if name in PARTS] + (_discrete(recorded) if fails else [])
+    mistakes = [one for one in mistakes if not (unit_is_right and one.name == "units")]
     own = [free, near, *(one.fit(recorded, tight) for one in mistakes if one.name not in PARTS)]
     sigma = max(min(one.sigma_mps for one in own if one is not None), 0.7 * sigma_mps)
     stated, free = fit(recorded, prior=tight, sigma_mps=sigma), fit(recorded, prior=LOOSE, sigma_mps=sigma)
