@@ -332,6 +332,15 @@ class InnovationsDict(TypedDict):
     covariance: NDArray[np.float64]
 
 @type_check_only
+class SensorDict(TypedDict):
+    measured: int
+    rejected: int
+    left_out: int
+    inflated: int
+    nis: float
+    degrees: int
+
+@type_check_only
 class ReplayDict(TypedDict):
     sample_time_ns: NDArray[np.int64]
     position_t_m: NDArray[np.float64]
@@ -353,6 +362,8 @@ class ReplayDict(TypedDict):
     imu_faults: ImuFaultsDict
     rejected_imu: RejectedImuDict
     inflated_imu: InflatedImuDict
+    sensors: list[dict[str, SensorDict]]
+    slow_errors: list[dict[str, float]]
     innovations: NotRequired[list[dict[str, InnovationsDict]]]
     covariance: NotRequired[NDArray[np.float64]]
     smoothed_position_t_m: NotRequired[NDArray[np.float64]]

@@ -54,7 +54,7 @@ class AttitudeTurns:
     @property
     def unit_is_right(self) -> bool:
         """Whether the gyros turn about as far as the attitude."""
-        return abs(np.log(abs(self.ratio))) < np.log(2.0)
+        return bool(abs(np.log(abs(self.ratio))) < np.log(2.0))
 
 
 def attitude_turns(case: Case, prepared: PreparedRun) -> AttitudeTurns | None:
