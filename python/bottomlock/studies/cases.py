@@ -35,9 +35,9 @@ WORLD = (
 
 _LOSS = (
     "beams_lost", "outages", "dropouts", "altitude_loss", "replay_validity",
-    "min_range_m", "max_range_m", "max_incidence_deg",
+    "min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m",
 )  # fmt: skip
-"""Keys of `[dvl]` that lose beams."""
+"""Keys of `[dvl]` that lose beams, or are of the seabed, which there is none of."""
 
 
 def masks(beams: int) -> list[tuple[int, ...]]:
