@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine, Message
 from bottomlock.ports.estimate import SILENT, State
 from tests.live.world import START_NS, VELOCITY, Sent, World, config
@@ -165,3 +166,19 @@ def test_stamps_on_the_hosts_clock() -> None:
             engine.arrive(source, arrival_ns, data)
     assert engine.state == "OK"
     assert dict(engine.sources[1].refused) == {"its time is not that of the host": 1}
+
+
+@pytest.mark.parametrize(("column", "by"), [(4, 10.0), (4, -80.0), (6, 60.0), (3, 4.0)])
+def test_one_inertial_reading_that_no_vehicle_makes(column: int, by: float) -> None:
+    """A flipped bit of a force or a rate within the full scale, while no beam returns: no message is off by more."""
+    engine, lines = Engine(config("navigation")), []
+    for arrival_ns, source, data in World(7.0, lambda t: (0, 1, 2, 3) if t > 5.0 else ()).arrivals(imu=True):
+        given = data
+        if source == 1 and data.startswith(b"5500000000,"):
+            parts = data.partition(b"*")[0].split(b",")
+            parts[column] = repr(float(parts[column]) + by).encode()
+            given = b",".join(parts) + b"*%02X\n" % xor_of(b",".join(parts))
+        lines += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, given)]
+    late = [line for line in lines if line.time_ns > START_NS + 5_500_000_000]
+    assert len(late) > 10
+    assert max(float(np.abs((line.velocity - VELOCITY) / line.sd).max()) for line in late) < 4.0
