@@ -11,32 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.config.scenario import load_scenario
-from bottomlock.encoders.registry import encoder
-from bottomlock.instruments.faults import NONE, Faults
+from bottomlock.instruments.faults import Faults
 from bottomlock.instruments.play import Channel, parse_address, play, transport_of
 from bottomlock.instruments.readings import Readings
-from bottomlock.instruments.schedule import Record, records
+from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.sources import readings_of_scenario
 from bottomlock.instruments.transports import TcpServer
-
-BASE_NS = 1_767_225_600_000_000_000
+from tests.instruments.test_instruments import sent_of, short
 
 
 @pytest.fixture(scope="module")
 def readings() -> Readings:
     """Five pings a second for 12 s."""
-    scenario = load_scenario("straight").with_trajectory(duration_s=12.0)
-    return readings_of_scenario(
-        scenario.model_copy(update={"dvl": scenario.dvl.model_copy(update={"rate_hz": 5.0})})
-    )
-
-
-def sent_of(
-    readings: Readings, faults: Faults = NONE, *, seed: int = 1, name: str = "waterlinked-json"
-) -> list[Record]:
-    """The records of a run."""
-    return list(records(readings, encoder(name, readings.geometry), faults, seed=seed, offset_ns=BASE_NS))
+    return readings_of_scenario(short(rate_hz=5.0))
 
 
 def run(transport: object, sent: list[Record], opened: Callable[[], None], *, wait: bool = True) -> None:

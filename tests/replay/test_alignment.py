@@ -140,42 +140,30 @@ def test_stated_deviation_is_the_scatter_of_the_heading() -> None:
     assert 0.5 * stated < np.std(errors) < 1.3 * stated
 
 
+def aided(of: Streams, **aids: Any) -> Streams:  # noqa: ANN401 - a stream of readings
+    return replace(of, aiding=dict(of.aiding) | aids)
+
+
+REST = at_rest()
+MOORED = Positions(REST.inertial.time_ns, np.zeros((2000, 3)))
+SILENT = Attitudes(REST.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
+TURNING = replace(REST.inertial, omega_p_radps=REST.inertial.omega_p_radps + 0.01)
+DEAF = replace(REST.beams, valid=np.array([[True, True, False, False]]))
+
+
 @pytest.mark.parametrize(
-    ("start", "settings", "message"),
+    ("start", "streams", "gyro_bias", "message"),
     [
-        ('heading = "gyrocompass"', {"gyro_bias": 30.0}, "the gyros are not accurate"),
-        ('heading = "gyrocompass"', {"streams": "turning"}, "the vehicle must be at rest"),
-        ('heading = "gps_course"', {"streams": "moored"}, "the course is not known"),
-        (
-            'heading = "attitude"',
-            {"streams": "silent"},
-            r"\[attitude\] has no row in the 1 s before the start",
-        ),
-        (
-            'heading = "gyrocompass"\nvelocity = "beams"',
-            {"streams": "deaf"},
-            "has too few valid beams for a velocity",
-        ),
+        ('heading = "gyrocompass"', REST, 30.0, "the gyros are not accurate"),
+        ('heading = "gyrocompass"', replace(REST, inertial=TURNING), 0.01, "the vehicle must be at rest"),
+        ('heading = "gps_course"', aided(REST, gps=MOORED), 0.01, "the course is not known"),
+        ('heading = "attitude"', aided(REST, attitude=SILENT), 0.01, r"\[attitude\] has no row in the 1 s before the"),
+        ('heading = "gyrocompass"\nvelocity = "beams"', replace(REST, beams=DEAF), 0.01, "has too few valid beams"),
     ],
-)
-def test_what_cannot_be_is_refused(start: str, settings: dict[str, Any], message: str) -> None:
-    streams = at_rest()
-    which = settings.pop("streams", None) if "streams" in settings else None
-    settings = {key: value for key, value in settings.items() if key != "streams"}
-    if which == "turning":
-        streams = replace(
-            streams, inertial=replace(streams.inertial, omega_p_radps=streams.inertial.omega_p_radps + 0.01)
-        )
-    elif which == "moored":
-        fixes = Positions(streams.inertial.time_ns, np.zeros((2000, 3)))
-        streams = replace(streams, aiding=dict(streams.aiding) | {"gps": fixes})
-    elif which == "silent":
-        few = Attitudes(streams.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
-        streams = replace(streams, aiding=dict(streams.aiding) | {"attitude": few})
-    elif which == "deaf":
-        streams = replace(streams, beams=replace(streams.beams, valid=np.array([[True, True, False, False]])))
+)  # fmt: skip
+def test_what_cannot_be_is_refused(start: str, streams: Streams, gyro_bias: float, message: str) -> None:
     with pytest.raises(DataError, match=message):
-        aligned(start, streams, **settings)
+        aligned(start, streams, gyro_bias=gyro_bias)
 
 
 def test_start_before_its_window_is_refused() -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import polars as pl
 
 from bottomlock.files.atomic_write import write_parquet
-from bottomlock.files.records import write_record
+from bottomlock.files.records import write_record, write_recorded_table
 from bottomlock.statistics import campaign
-from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
+from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, PATHS, RUNS, SAMPLES
 from bottomlock.tables.results import chunk_file
+from bottomlock.tables.studies import SWEEP, VIRTUAL_BEAM_FACTOR
 from tests.analytic import analytic
-from tests.recorded import edit_record
+from tests.recorded import add_table, edit_record
 
 TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 METHODS = ("ins", "lc", "tc", "vb", "nsv", "plcf", "vhv")
@@ -85,6 +86,19 @@ def write_campaign(
         },
     }
     write_record(folder / "manifest.json", manifest, digests)
+    return folder
+
+
+def write_whole(folder: Path, methods: Sequence[str], size: Size = quiet, *before: tuple[Any, ...]) -> Path:
+    """One of twelve runs with a path and a sweep, of this row after `before`."""
+    write_campaign(folder, size, runs=12, methods=methods)
+    time_s = np.arange(0.0, 251.0)
+    path = {"trajectory": ["straight"] * time_s.size, "time_ns": (time_s * 1e9).astype(np.int64)}
+    place = {"north_m": 2.0 * time_s, "east_m": np.sin(time_s), "depth_m": 20.0 + time_s / 7.0}
+    add_table(folder, "truth.parquet", pl.DataFrame(path | place, schema=dict(PATHS)))
+    rows = [*before, (VIRTUAL_BEAM_FACTOR, "10", "straight", "vb", 0.2, 1.3, 19.9, None)]
+    sweep = pl.DataFrame(rows, schema=dict(SWEEP), orient="row")
+    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
     return folder
 
 

@@ -10,16 +10,15 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
-from bottomlock.files.records import write_recorded_table
 from bottomlock.paper.claims import ValueClaim, load_paper
 from bottomlock.report.drawings import Drawing, drawings
 from bottomlock.report.page import make_report
-from bottomlock.tables.campaign import CHOICES, PATHS
+from bottomlock.tables.campaign import CHOICES
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
-from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
+from bottomlock.tables.studies import CURRENT, VIRTUAL_BEAM_FACTOR
 from tests.drawn_points import held, points
 from tests.recorded import add_table
-from tests.report.synthetic_campaign import METHODS, TIMES_S, write_campaign
+from tests.report.synthetic_campaign import METHODS, TIMES_S, write_whole
 from tests.undrawn import figures_undrawn
 
 SECOND_NS = 1_000_000_000
@@ -29,22 +28,13 @@ ENDS = ("png", "svg")
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Drawing]]:
     """A campaign with everything that has a figure, its report, and the figures as they were handed to be drawn."""
-    folder = write_campaign(
-        tmp_path_factory.mktemp("files") / "c", _growing, runs=12, methods=[*METHODS, "elc"]
-    )
-    time_s = np.arange(0.0, 251.0)
-    path = {"trajectory": ["straight"] * time_s.size, "time_ns": (time_s * 1e9).astype(np.int64)}
-    place = {"north_m": 2.0 * time_s, "east_m": np.sin(time_s), "depth_m": 20.0 + time_s / 7.0}
-    add_table(folder, "truth.parquet", pl.DataFrame(path | place, schema=dict(PATHS)))
-    add_table(folder, "choices.parquet", _choices())
-    rows = [
+    rows = (
         (VIRTUAL_BEAM_FACTOR, "1", "straight", "vb", 14.0, 1.3, 3.9e6, 0.1),
-        (VIRTUAL_BEAM_FACTOR, "10", "straight", "vb", 0.2, 1.3, 19.9, None),
         (CURRENT, "0", "straight", "tc", 0.3, 1.3, 20.1, None),
         (CURRENT, "0.3", "straight", "tc", 0.4, 1.3, 20.1, None),
-    ]
-    sweep = pl.DataFrame(rows, schema=dict(SWEEP), orient="row")
-    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
+    )
+    folder = write_whole(tmp_path_factory.mktemp("files") / "c", [*METHODS, "elc"], _growing, *rows)
+    add_table(folder, "choices.parquet", _choices())
     kept: list[Drawing] = []
 
     def noted(*arguments: object) -> Iterator[Drawing]:

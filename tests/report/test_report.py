@@ -25,34 +25,14 @@ from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import SWEEP
 from tests.recorded import add_table, edit_record
-from tests.report.synthetic_campaign import METHODS, edit_manifest, write_campaign
+from tests.report.synthetic_campaign import METHODS, edit_manifest, write_campaign, write_whole
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with everything that a campaign may have, and its report."""
-    folder = write_campaign(
-        tmp_path_factory.mktemp("campaign") / "c", methods=[*METHODS, "quite_new"], runs=12
-    )
-    time_s = np.arange(0.0, 251.0)
-    paths = pl.DataFrame(
-        {
-            "trajectory": ["straight"] * time_s.size,
-            "time_ns": (time_s * 1e9).astype(np.int64),
-            "north_m": 2.0 * time_s,
-            "east_m": 0.0 * time_s,
-            "depth_m": 0.0 * time_s,
-        }
-    )
-    add_table(folder, "truth.parquet", paths)
-    sweep = pl.DataFrame(
-        [("virtual_beam_factor", "10", "straight", "vb", 0.1, 1.3, 19.9, None)],
-        schema=dict(SWEEP),
-        orient="row",
-    )
-    write_recorded_table(folder / "sweep.parquet", sweep, {"configuration_hash": "0" * 64})
+    folder = write_whole(tmp_path_factory.mktemp("campaign") / "c", [*METHODS, "quite_new"])
     make_report(folder)
     return folder
 

@@ -13,11 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.kernel.models import (
-    DepthModel,
     DvlModel,
     Environment,
-    GpsModel,
-    HeadingModel,
     ImuModel,
     InitialModel,
     InitialState,
@@ -163,10 +160,7 @@ def model(noise: Mapping[str, float]) -> Model:
             scale_factor_sd=noise["scale"],
             scale_factor_walk_rts=0.0,
         ),
-        depth=DepthModel(sd_m=1.0, bias_sd_m=0.0, bias_time_s=1.0),
         magnetometer=MagnetometerModel(yaw_sd_rad=noise["yaw"], roll_pitch_sd_rad=noise["tilt"]),
-        heading=HeadingModel(sd_rad=noise["yaw"]),
-        gps=GpsModel(position_sd_m=(1.0,) * 3, velocity_sd_mps=(1.0,) * 3),
     )
 
 
