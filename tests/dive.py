@@ -162,7 +162,7 @@ def drawn_dive(
 
 
 def gauss_markov(drawn: Floats, step_s: float, time_s: float) -> Floats:
-    """First-order Gauss-Markov processes from normal numbers of their sigma, (n,) or (n, k), `step_s` apart."""
+    """First-order Gauss-Markov processes from normal numbers of their sigma, (n, …), `step_s` apart."""
     kept = np.exp(-step_s / time_s)
     driven = np.sqrt(1.0 - kept**2) * drawn
     driven[0] = drawn[0]

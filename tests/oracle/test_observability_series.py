@@ -107,22 +107,30 @@ MOTIONS: dict[str, Motion] = {
 }
 
 
+DEPTH_ARM, ANTENNA = (Q(3, 2), Q(1, 4), Q(-1, 8)), (Q(-1, 2), Q(1, 8), Q(-3, 4))
+
+
 @cache
-def exact_rows(name: str, turning: bool, lever: bool) -> Matrix:
-    """Coefficients of the rows of four beams, depth and attitude, (order, sensor rows, states), modulo a prime."""
+def exact_rows(name: str, turning: bool, arms: str) -> Matrix:
+    """Coefficients of the rows of every sensor in turn, (order, sensor rows, states), modulo a prime."""
     field = Field(PRIMES[0])
     earth = EARTH if turning else [Q(0)] * 3
     F = filter_system(field, MOTIONS[name], GRAVITY, earth, ORDER)
     rows = Rows(field, MOTIONS[name], earth, ORDER)
-    arms = LEVERS if lever else dict.fromkeys(DIRECTIONS, ZERO)
-    beams = [rows.beam(k, direction, arms[k]) for k, direction in DIRECTIONS.items()]
-    H = stacked(field, *beams, rows.depth(), rows.attitude())
-    return observability_rows(field, F, H, ORDER).reshape(-1, 8, 20)
+    levers = LEVERS if arms == "beams" else dict.fromkeys(DIRECTIONS, ZERO)
+    depth_arm, antenna = (DEPTH_ARM, ANTENNA) if arms == "depth and gps" else (ZERO, ZERO)
+    beams = [rows.beam(k, direction, levers[k]) for k, direction in DIRECTIONS.items()]
+    H = stacked(
+        field, *beams, rows.depth(depth_arm), rows.attitude(), rows.heading(), rows.gps_position(antenna),
+        rows.gps_velocity(antenna),
+    )  # fmt: skip
+    return observability_rows(field, F, H, ORDER).reshape(-1, 15, 20)
 
 
-def exact_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool = False, order: int = ORDER) -> int:
+def exact_rank(name: str, aiding: Aiding, *, turning: bool, arms: str = "", order: int = ORDER) -> int:
     kept = [beam - 1 for beam in aiding.beams] + [4] * aiding.depth + [5, 6, 7] * aiding.attitude
-    rows = exact_rows(name, turning, lever)[: order + 1][:, kept]
+    kept += [8] * aiding.heading + [9, 10, 11] * aiding.gps_position + [12, 13, 14] * aiding.gps_velocity
+    rows = exact_rows(name, turning, arms)[: order + 1][:, kept]
     return rank(Field(PRIMES[0]), rows.reshape(-1, 20))
 
 
@@ -184,54 +192,31 @@ OTHER_SETS = (
     Aiding(beams=(1, 2, 3), gps_velocity=True, depth=True),
     Aiding(beams=(1, 2, 3, 4), gps_position=True, gps_velocity=True, heading=True),
 )
-DEPTH_ARM, ANTENNA = (Q(3, 2), Q(1, 4), Q(-1, 8)), (Q(-1, 2), Q(1, 8), Q(-3, 4))
-
-
-@cache
-def other_rows(name: str, turning: bool, lever: bool) -> Matrix:
-    """As `exact_rows`, of four beams, depth, heading, GPS position and velocity: 12 rows to an order."""
-    field = Field(PRIMES[0])
-    earth = EARTH if turning else [Q(0)] * 3
-    F = filter_system(field, MOTIONS[name], GRAVITY, earth, ORDER)
-    rows = Rows(field, MOTIONS[name], earth, ORDER)
-    depth_arm, antenna = (DEPTH_ARM, ANTENNA) if lever else (ZERO, ZERO)
-    H = stacked(
-        field,
-        *(rows.beam(k, direction) for k, direction in DIRECTIONS.items()),
-        rows.depth(depth_arm),
-        rows.heading(),
-        rows.gps_position(antenna),
-        rows.gps_velocity(antenna),
-    )
-    return observability_rows(field, F, H, ORDER).reshape(-1, 12, 20)
-
-
-def other_rank(name: str, aiding: Aiding, *, turning: bool, lever: bool, order: int = ORDER) -> int:
-    kept = [beam - 1 for beam in aiding.beams] + [4] * aiding.depth + [5] * aiding.heading
-    kept += [6, 7, 8] * aiding.gps_position + [9, 10, 11] * aiding.gps_velocity
-    return rank(Field(PRIMES[0]), other_rows(name, turning, lever)[: order + 1][:, kept].reshape(-1, 20))
 
 
 @pytest.mark.first_cases(6)
 @EARTHS
-@pytest.mark.parametrize("lever", [False, True], ids=["at the centre", "with lever arms"])
+@pytest.mark.parametrize("arms", ["", "depth and gps"], ids=["at the centre", "with lever arms"])
 @pytest.mark.parametrize("name", MOTIONS)
-def test_heading_and_gps(name: str, lever: bool, turning: bool) -> None:
+def test_heading_and_gps(name: str, arms: str, turning: bool) -> None:
     """The rows of heading, GPS position and GPS velocity, with and without lever arms."""
     truth = manoeuvre_truth(
         MANOEUVRES[name], rate_hz=50.0, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0
     )
-    arms: dict[str, Any] = {}
-    if lever:
-        arms = {"depth_lever_p_m": tuple(map(float, DEPTH_ARM)), "gps_lever_p_m": tuple(map(float, ANTENNA))}
-    sets = [replace(aiding, **arms) for aiding in OTHER_SETS]
+    levers: dict[str, Any] = {}
+    if arms:
+        levers = {
+            "depth_lever_p_m": tuple(map(float, DEPTH_ARM)),
+            "gps_lever_p_m": tuple(map(float, ANTENNA)),
+        }
+    sets = [replace(aiding, **levers) for aiding in OTHER_SETS]
     found = observe(
         truth, geometry(), sets, earth_rate_radps=EARTH_RATE_RADPS if turning else 0.0, period_s=2.0
     )
     undecided = []
     for aiding, one in zip(sets, found, strict=True):
-        expected = other_rank(name, aiding, turning=turning, lever=lever)
-        assert other_rank(name, aiding, turning=turning, lever=lever, order=ORDER - 3) == expected
+        expected = exact_rank(name, aiding, turning=turning, arms=arms)
+        assert exact_rank(name, aiding, turning=turning, arms=arms, order=ORDER - 3) == expected
         if one.decided:
             assert one.gap >= 1e3
             assert one.rank == expected, aiding.name
@@ -252,7 +237,7 @@ def test_lever_arms_have_their_columns() -> None:
     sets = [Aiding(beams=mask) for mask in ((1, 2), (1, 2, 3), (1, 2, 3, 4))]
     for aiding, found in zip(sets, observe(truth, geometry(lever=True), sets, period_s=2.0), strict=True):
         if found.decided:
-            assert found.rank == exact_rank(name, aiding, turning=True, lever=True), aiding.name
+            assert found.rank == exact_rank(name, aiding, turning=True, arms="beams"), aiding.name
 
 
 @pytest.mark.first_cases(2)

@@ -6,6 +6,7 @@ from scipy import stats
 from scipy.integrate import quad, quad_vec
 from scipy.linalg import expm
 
+from tests.dive import gauss_markov
 from tests.oracle import beams, chi_squared, error_model, gravity, kalman, mechanisation
 from tests.oracle.rotations import Array, matrix_from_euler
 
@@ -134,12 +135,8 @@ def test_bands_let_true_chi_squared_pass_at_their_rate() -> None:
     lo, hi = chi_squared.average_band(dof, runs)
     fraction_alarms = mean_alarms = 0
     for _ in range(ensembles):
-        errors = np.empty((runs, steps, dof))
-        errors[:, 0] = rng.normal(size=(runs, dof))
-        for k in range(1, steps):
-            fresh = rng.normal(size=(runs, dof))
-            errors[:, k] = memory * errors[:, k - 1] + np.sqrt(1 - memory**2) * fresh
-        nees = np.sum(errors**2, axis=2)
+        errors = gauss_markov(rng.normal(size=(steps, runs, dof)), 1.0, -1.0 / np.log(memory))
+        nees = np.sum(errors**2, axis=2).T
         mean = nees.mean(axis=0)
         inside = np.mean((mean > lo) & (mean < hi))
         fraction_alarms += inside < chi_squared.least_fraction_inside(nees, dof, (lo, hi))
@@ -154,10 +151,7 @@ def test_bands_let_true_chi_squared_pass_at_their_rate() -> None:
 def test_independent_samples_of_a_known_process() -> None:
     """Memory a of a first-order process leaves (1 − a)/(1 + a) independent samples of each; its square has a²."""
     rng = np.random.default_rng(8)
-    x = np.empty((400, 200))
-    x[:, 0] = rng.normal(size=400)
-    for k in range(1, 200):
-        x[:, k] = 0.8 * x[:, k - 1] + 0.6 * rng.normal(size=400)
+    x = gauss_markov(rng.normal(size=(200, 400)), 1.0, -1.0 / np.log(0.8)).T
     expected = 200 * (1 - 0.64) / (1 + 0.64)
     assert chi_squared.independent_samples(x**2) == pytest.approx(expected, rel=0.1)
 
