@@ -74,7 +74,10 @@ def test_packaged_scenarios_load() -> None:
             ("[imu]", "[[dvl.outages]]\nbeams = [1]\nfrom_s = 2.0\nto_s = 2.0\n[imu]"),
             "outage ends at 2.0 s, expected after its start at 2.0 s",
         ),
-        (("[dvl]\nbeam_noise_mps = 0.042", ""), "no [dvl] section"),
+        (
+            ("[dvl]\nbeam_noise_mps = 0.042", ""),
+            "'dvl' is missing, expected a section [dvl] with beam_noise_mps",
+        ),
         (("name = ", "name == "), "not valid TOML"),
         (("[imu]", '[campaign]\nmethods = ["tc", "tc"]\n[imu]'), "method 'tc' is named twice"),
         (("[imu]", '[campaign]\nmethods = ["tcc"]\n[imu]'), "unknown method 'tcc', did you mean 'tc'"),

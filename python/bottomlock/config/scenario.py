@@ -176,32 +176,24 @@ class Scenario(SensorSections):
             (0.01, (4,))
         """
         given: Any = changes  # a caller without a type checker may give anything
+        place = f"scenario {self.name}"
         if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-            raise ScenarioError(
-                f"the changes are {given!r:.60}",
-                place=f"scenario {self.name}",
-                expected='keys with their values, such as {"imu.gyro_bias_deg_per_h": 0.01}',
-            )
+            expected = 'keys with their values, such as {"imu.gyro_bias_deg_per_h": 0.01}'
+            raise ScenarioError(f"the changes are {given!r:.60}", place=place, expected=expected)
         content = self.model_dump(exclude_unset=True)
         for key, value in given.items():
             within = next((other for other in given if key.startswith(f"{other}.")), None)
             if within is not None:
-                raise ScenarioError(
-                    f"is part of '{within}'",
-                    place=f"scenario {self.name}",
-                    key=f"'{key}'",
-                    expected="one of them",
-                )
+                found = f"is part of '{within}'"
+                raise ScenarioError(found, place=place, key=f"'{key}'", expected="one of them")
             *sections, last = key.split(".")
             section = content
             for name in sections:
                 section = section.setdefault(name, {})
                 if not isinstance(section, dict):
-                    raise ScenarioError(
-                        f"unknown key '{key}' ('{name}' is no section)", place=f"scenario {self.name}"
-                    )
+                    raise ScenarioError(f"unknown key '{key}' ('{name}' is no section)", place=place)
             section[last] = value
-        return checked(type(self), content, f"scenario {self.name}")
+        return checked(type(self), content, place)
 
     def with_overrides(
         self, *, runs: int | None = None, seed: int | None = None, methods: Iterable[AnyMethod] | None = None
@@ -302,9 +294,4 @@ def parse_scenario(text: str, *, place: str, folder: Path | None = None) -> Scen
     Raises:
         ScenarioError: as `load_scenario`.
     """
-    content = parse_toml(text, place=place, kind="scenario")
-    if "dvl" not in content:
-        raise ScenarioError(
-            "there is no [dvl] section", place=place, hint="a scenario needs one to aid the INS with"
-        )
-    return checked(Scenario, content, place, folder)
+    return checked(Scenario, parse_toml(text, place=place, kind="scenario"), place, folder)
