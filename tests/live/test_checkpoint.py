@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bottomlock.io.beams import geometry_text
 from bottomlock.live.checkpoint import begin, pack
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
@@ -170,8 +171,8 @@ def test_every_section_of_a_navigator_was_edited(tmp_path: Path) -> None:
 
 def test_the_geometry_of_the_start_counts(tmp_path: Path) -> None:
     """A file that is edited while the program runs: what it saves is of the geometry that it read."""
-    geometry, file = tmp_path / "dvl.toml", tmp_path / "checkpoint"
-    geometry.write_text(GEOMETRY)
+    geometry, file, own = tmp_path / "dvl.toml", tmp_path / "checkpoint", geometry_text("waterlinked_a50")
+    geometry.write_text(own)
     text = f'[checkpoint]\nfile = "{file}"\n'
 
     def configured() -> LiveConfig:
@@ -180,12 +181,12 @@ def test_the_geometry_of_the_start_counts(tmp_path: Path) -> None:
     engine = Engine(configured())
     for arrival_ns, source, data in World(3.0).arrivals(imu=True):
         engine.arrive(source, arrival_ns, data)
-    geometry.write_text(GEOMETRY.replace("22.5", "23.0"))
+    geometry.write_text(own.replace("22.5", "23.0"))
     content = pack(engine, engine.now_ns)
     assert content is not None
     file.write_bytes(content)
     _, used, said = begin(configured(), engine.now_ns + S)
     assert used is None
     assert "another geometry" in said
-    geometry.write_text("# The same.\n" + GEOMETRY)
+    geometry.write_text("# The same.\n" + own)
     assert begin(configured(), engine.now_ns + S)[1] is not None
