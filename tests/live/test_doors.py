@@ -17,16 +17,12 @@ import pytest
 from bottomlock.encoders.registry import format_named
 from bottomlock.encoders.waterlinked_serial import SerialCommands
 from bottomlock.instruments.transports import TcpServer
-from bottomlock.io.beams import read_geometry
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.connections import cancel
 from bottomlock.live.engine import Engine
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, begin, host_clock
-from bottomlock.live.sinks import open_sink
-from bottomlock.ports.address import parse_address
-from bottomlock.ports.registry import port
 from tests.live.processes import Instruments, free_port
 from tests.live.world import World, config
 
@@ -133,10 +129,11 @@ def test_the_makers_clients_configure(served: str) -> None:
         commands = format_named("waterlinked-json").commands
         assert commands is not None
         if served == "live":
-            one = port("waterlinked_json", geometry=read_geometry("waterlinked_a50").geometry)
-            address = parse_address(f"tcpin:{number}", ("tcpin",), what="a target")
-            task = asyncio.create_task(open_sink(address, print, lambda: one.answers() or bytes).run())
-            await asyncio.sleep(0.1)
+            change = ('port = "probe"', 'port = "waterlinked_json"')
+            live = made(config(to=f"tcpin:127.0.0.1:{number}", change=change))
+            task = asyncio.create_task(live.run())
+            while live.sinks[0].state != "0 clients":  # noqa: ASYNC110 - what is waited for has no event
+                await asyncio.sleep(0.01)
         else:
             server = TcpServer("127.0.0.1", number, answers=commands().client)
             await server.open()

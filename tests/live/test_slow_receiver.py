@@ -20,6 +20,7 @@ SIZE = 800
 """Bytes of a report, about those of Water Linked's JSON."""
 RECEIVED_BYTES = 16_384
 SENT, PERIOD_S = 200, 0.01
+SAID: list[str] = []
 
 
 def report(number: int) -> bytes:
@@ -40,7 +41,8 @@ async def connected(kind: str) -> tuple[Sink, asyncio.Task[None], socket.socket]
     if kind == "tcp":
         other.bind(place)
         other.listen()
-    sink = open_sink(sink_address(f"{kind}:127.0.0.1:{place[1]}"), lambda _: None)
+    SAID.clear()
+    sink = open_sink(sink_address(f"{kind}:127.0.0.1:{place[1]}"), SAID.append)
     task = asyncio.create_task(sink.run())
     while sink.state == "not opened yet":  # noqa: ASYNC110 - what is waited for has no event
         await asyncio.sleep(0.005)
@@ -74,6 +76,7 @@ def test_of_a_client_that_stops_reading_a_fifth_of_a_second_waits_here(kind: str
         kept = list(numbers(bytes(held)))
         assert kept == list(range(len(kept)))
         assert sink.dropped == SENT - len(kept)
+        assert sum("reads too slowly" in words for words in SAID) == 1
         assert len(held) - own <= (WAITING_S / PERIOD_S + 2) * SIZE
         sink.write(report(SENT))
         await asyncio.sleep(0.1)

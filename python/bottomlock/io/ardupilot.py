@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account, Flags, Floats
@@ -31,7 +32,9 @@ NAME = "ardupilot-bin"
 TIMES_ITS_SIZE = 4.0
 """Memory that reading a log takes, over its size (measured: 2.7)."""
 
-GPS_EPOCH_S, WEEK_S, LEAP_S = 315_964_800, 604_800, 18
+GPS_EPOCH_S, WEEK_S = 315_964_800, 604_800
+_LEAPS_S = (1_341_100_800, 1_435_708_800, 1_483_228_800)
+"""Unix times (July 2012, July 2015, 2017) from which GPS is 16, 17 and 18 s ahead of UTC; 15 s before."""
 """GPS time from 1970, and UTC behind it since 2017."""
 _FIX_3D = 3
 _RESTART_NS = 1_000_000_000
@@ -164,6 +167,16 @@ def _stream(label: str, records: Records, message: _Message, notes: list[str]) -
     return LogStream(label, records.time_ns(), columns, message.remark, independent=not message.remark)
 
 
+def leap_s(gps_s: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Seconds by which GPS was ahead of UTC, at seconds of GPS since 1970.
+
+    >>> leap_s(np.array([1_340_000_000, 1_341_100_815, 1_341_100_816, 1_440_000_000, 1_700_000_000])).tolist()
+    [15, 15, 16, 17, 18]
+    """
+    ahead = np.arange(16, 16 + len(_LEAPS_S))
+    return 15 + np.searchsorted(np.array(_LEAPS_S) + ahead, gps_s, side="right")
+
+
 def _utc(found: dict[str, Records]) -> tuple[int, str]:
     """What makes UTC of the time since boot, ns, and the words for it; 0 where no GPS tells it."""
     for name in ("GPS", "GPS2"):
@@ -173,7 +186,8 @@ def _utc(found: dict[str, Records]) -> tuple[int, str]:
         records = records.where(_fixed(records) & (records.values["GWk"] > 0))
         if len(records.values):
             week, ms = (records.values[column].astype(np.int64) for column in ("GWk", "GMS"))
-            utc_ns = (GPS_EPOCH_S - LEAP_S + week * WEEK_S) * 1_000_000_000 + ms * 1_000_000
+            gps_s = GPS_EPOCH_S + week * WEEK_S
+            utc_ns = (gps_s - leap_s(gps_s + ms // 1000)) * 1_000_000_000 + ms * 1_000_000
             offset_ns = int(np.median(utc_ns - records.time_ns()))
             return (
                 offset_ns,
