@@ -71,7 +71,7 @@ def page_of(
             "Which beams returned",
             [picture for drawing, picture in figures if drawing.name == VALIDITY],
         ),
-        *([_sensors(manifest)] if "sensors" in manifest else []),
+        *([_sensors(manifest)] if manifest.get("sensors") and answer else []),
         *([_calibration(tables.calibration)] if tables.calibration is not None else []),
         Part("start", "Start", [Terms([(name, manifest["alignment"][name]) for name in _START])]),
         _clocks(manifest),
@@ -262,19 +262,32 @@ _SENSOR_COLUMNS = [
 
 
 def _sensors(manifest: Mapping[str, Any]) -> Part:
-    """What the filters made of the readings of each sensor."""
+    """What the filters made of each sensor's readings: the method to take, or that stands for all, and the others."""
     rows = [
         [
             row["sensor"].replace("_", " "), title_of(name), f"`{row['method']}`", str(row["measured"]),
             str(row["left_out"]), number(100.0 * row["rejected"] / row["measured"], 2), str(row["inflated"]),
             number(row["nis"]), number(row["degrees"]), number(row["slow_error"]) if row["slow_error"] else "–",
         ]
-        for name, of_case in manifest["sensors"].items()
-        for row in of_case
+        for name, _ in manifest["what_if"]
+        for row in manifest["sensors"][name]
     ]  # fmt: skip
     rows.sort(key=lambda row: row[0])
-    cells = [Terms([("Beams in cells", manifest["water_cells"])])] if "water_cells" in manifest else []
-    return Part("sensors", "Sensors", [*cells, Table(_SENSOR_COLUMNS, rows, _SENSOR_WORDS, left=3)])
+    methods = dict.fromkeys(row[2] for row in rows)
+    first = next(
+        (one for one in (f"`{manifest['answer']['method']}`", "`tc`", *methods) if one in methods), ""
+    )
+    tables = [
+        Table(_SENSOR_COLUMNS, [row for row in rows if (row[2] == first) is own], _SENSOR_WORDS, left=3)
+        for own in (True, False)
+    ]
+    blocks: list[Block] = (
+        [Terms([("Beams in cells", manifest["water_cells"])])] if "water_cells" in manifest else []
+    )
+    folded = (
+        [Folded(f"The same of the other {len(methods) - 1} methods", [tables[1]])] if len(methods) > 1 else []
+    )
+    return Part("sensors", "Sensors", [*blocks, tables[0], *folded])
 
 
 def _calibration(table: pl.DataFrame) -> Part:
