@@ -1,7 +1,7 @@
 """The sections `[mission]` and `[seabed]` of a scenario, whose keys depend on their `kind`."""
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias, get_args
 
 from pydantic import Field
 
@@ -123,7 +123,7 @@ AnyMission: TypeAlias = Annotated[
     # Without its kind a table is like several of them.
     Field(discriminator="kind", json_schema_extra=lambda schema: schema.update(anyOf=schema.pop("oneOf"))),
 ]
-MISSION_KINDS = ("straight", "figure_eight", "lawn_mower", "waypoints")
+MISSION_KINDS = {one.model_fields["kind"].default for one in get_args(get_args(AnyMission)[0])}
 
 
 class FlatSeabedTable(Section):

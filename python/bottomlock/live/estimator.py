@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.sections import VelocityMethod
 from bottomlock.live.states import Reasons
-from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.ports.estimate import Beams, Estimate, State, VelocityMethod
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.water_cells import CellCounts

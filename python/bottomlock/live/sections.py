@@ -16,6 +16,7 @@ from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import not_replaced
 from bottomlock.ports.address import checked_by, sink_address, source_address
+from bottomlock.ports.estimate import VelocityMethod
 from bottomlock.recordings.sensors import INSTRUMENTS
 from bottomlock.recordings.stream_sections import Reordered
 
@@ -373,10 +374,6 @@ class DiagnosticsSection(Section):
     """where the diagnostics go"""
     every_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0
     """interval between two of them"""
-
-
-VelocityMethod = Literal["info", "plcf", "lc"]
-"""Methods that hold no assumption: what the beams do not see is absent."""
 
 
 class VelocitySection(Section):

@@ -24,8 +24,11 @@ State = Literal["INITIALISING", "OK", "PARTIAL", "WATER", "COASTING", "UNSAFE"]
 SILENT: tuple[State, ...] = ("INITIALISING", "UNSAFE")
 """States in which nothing is sent."""
 
+VelocityMethod = Literal["info", "plcf", "lc"]
+"""Methods that hold no assumption: what the beams do not see is absent."""
+
 _WORDS = {"mode": get_args(Mode), "state": get_args(State)}
-_MEASURED = {"none", "lc", "plcf", "info"}
+_MEASURED = {"none", *get_args(VelocityMethod)}
 _SOLVED = COMPONENT_STATUS.index("solved")
 # Relative to the largest eigenvalue: what rounding leaves of a covariance that is singular.
 _ROUNDING = 1e-9
