@@ -81,7 +81,7 @@ def test_files_are_meant_from_the_configurations_folder(tmp_path: Path) -> None:
     assert config.checkpoint.file == str(tmp_path / "last")
     assert config.source[1].address == f"file:{tmp_path / 'imu.csv'}"
     with pytest.raises(
-        ScenarioError, match=r"none.toml: no such configuration; `bottomlock live --init` writes one"
+        ScenarioError, match=r"none.toml: no such live configuration; `bottomlock live --init` writes one"
     ):
         load_config(tmp_path / "none.toml")
 

@@ -32,12 +32,18 @@ _TABLE = "`bottomlock fix`, `audit` and `simulate-dvl` take a beam table"
 _LOG = "`bottomlock convert` takes a DVL's log or a table of readings, `bottomlock replay --init` those of a dive"
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, kind: Kind | Literal["TOML file"] = "TOML file", hint: str = "") -> str:
     """The text of a file, without the byte order mark that editors on Windows put before it.
 
     Raises:
-        ScenarioError: naming the file and what it is, if it cannot be read as UTF-8.
+        ScenarioError: naming the file and what it is, if there is none, with the hint, or it cannot be read as UTF-8.
     """
+    if path.is_dir():
+        there = ", ".join(sorted(one.name for one in path.glob("*.toml")))
+        expected = f"a {kind}{there and f' (there: {there})'}"
+        raise ScenarioError("is a folder", place=path, expected=expected)
+    if not path.exists():
+        raise ScenarioError(f"no such {kind}", place=path, hint=hint)
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -266,9 +266,8 @@ def load_config(path: str | Path) -> LiveConfig:
             one line a fault.
     """
     path = Path(path)
-    if not path.is_file():
-        raise ScenarioError("no such configuration", place=path, hint="`bottomlock live --init` writes one")
-    return parse_config(read_text(path), place=str(path), folder=path.parent)
+    text = read_text(path, "live configuration", "`bottomlock live --init` writes one")
+    return parse_config(text, place=str(path), folder=path.parent)
 
 
 def parse_config(text: str, *, place: str, folder: Path | None = None) -> LiveConfig:

@@ -44,9 +44,9 @@ def with_case(content: Mapping[str, Any], path: Path) -> dict[str, Any]:
     Raises:
         ScenarioError: for a file that is missing or ill-formed, and a section or key of [start] that both have.
     """
-    if not path.is_file():
-        raise ScenarioError("no such case file", place=path)
-    sections = _sections(parse_toml(read_text(path), place=str(path), kind="replay case"), path)
+    sections = _sections(
+        parse_toml(read_text(path, "replay case"), place=str(path), kind="replay case"), path
+    )
     if content.get("mode") == "velocity":
         sections = {"dvl": sections["dvl"]} if "dvl" in sections else {}
     start = sections.pop("start", {})

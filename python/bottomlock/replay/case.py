@@ -339,14 +339,7 @@ def load_case(path: str | Path) -> Case:
     if not isinstance(path, str | os.PathLike):
         raise ScenarioError(f"the case is of type {type(path).__name__}", expected="the path of a TOML file")
     path = Path(path)
-    if path.is_dir():
-        cases = ", ".join(sorted(one.name for one in path.glob("*.toml")))
-        raise ScenarioError(
-            "is a folder", place=path, expected=f"a case file{(f' (there: {cases})' if cases else '')}"
-        )
-    if not path.is_file():
-        raise ScenarioError("no such case file", place=path)
-    return parse_case(read_text(path), place=str(path), folder=path.parent)
+    return parse_case(read_text(path, "replay case"), place=str(path), folder=path.parent)
 
 
 def parse_case(text: str, *, place: str, folder: Path | None = None) -> Case:
