@@ -396,7 +396,7 @@ def test_a_section_stands_in_one_file(dive: Dive, tmp_path: Path, extra: str, ke
 
 def test_a_case_that_is_not_there(tmp_path: Path) -> None:
     """It is named, with the configuration."""
-    with pytest.raises(ScenarioError, match=r"rov\.toml: .*case\.toml: no such case"):
+    with pytest.raises(ScenarioError, match=r"rov\.toml: .*case\.toml: no such replay case"):
         load_config(live_file(tmp_path, ()))
 
 
