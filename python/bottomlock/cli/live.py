@@ -128,35 +128,26 @@ PATIENCE_S = 30.0
 """Time that a dry run waits for its first ping."""
 
 
-async def _first_ping(running: Live, patience_s: float) -> None:
-    """Returns once a ping was taken.
+async def _pinged(running: Live, patience_s: float | None) -> None:
+    """Runs to the end; in a dry run only where a ping comes in time.
 
     Raises:
-        DataError: where none has come in time, with what each source does.
+        DataError: where none does, with what each source does.
     """
     pings = next(one for one in running.engine.sources if one.section.format in DVL_FORMATS)
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(patience_s):
-            while not pings.used:  # noqa: ASYNC110 - the engine has no event
-                await asyncio.sleep(0.1)
-        return
-    states = zip(running.config.source, running.connections, strict=True)
-    raise DataError(
-        f"no ping of source '{pings.section.name}' within {patience_s:g} s: "
-        + ", ".join(f"{section.name} {connection.state}" for section, connection in states)
-    )
-
-
-async def _pinged(running: Live, patience_s: float | None) -> None:
-    """Runs to the end, in a dry run only where pings come."""
     task = asyncio.create_task(running.run())
     try:
-        if patience_s is not None:
-            waiting = asyncio.create_task(_first_ping(running, patience_s))
-            await asyncio.wait({task, waiting}, return_when=asyncio.FIRST_COMPLETED)
-            if waiting.done():
-                waiting.result()
-            await cancel(waiting)
+        async with asyncio.timeout(patience_s):
+            # The engine has no event.
+            while patience_s is not None and not (pings.used or task.done()):  # noqa: ASYNC110
+                await asyncio.sleep(0.1)
+    except TimeoutError:
+        states = zip(running.config.source, running.connections, strict=True)
+        raise DataError(
+            f"no ping of source '{pings.section.name}' within {patience_s:g} s: "
+            + ", ".join(f"{section.name} {connection.state}" for section, connection in states)
+        ) from None
+    else:
         await task
     finally:
         await cancel(task)

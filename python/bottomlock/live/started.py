@@ -90,10 +90,7 @@ def _checked_beams(reading: Ping | WaterReading, beams: int) -> Ping | WaterRead
     kinds = (("velocity_mps", "fiu"), ("valid", "b"), ("sd_mps", "fiu"))
     for name, kind in (*kinds, ("range_m", "fiu")) if isinstance(reading, Ping) else kinds:
         given = getattr(reading, name)
-        try:
-            array = np.asarray(given)
-        except ValueError:  # lists of unequal lengths
-            array = np.array(None)
+        array = _array(given)
         if array.dtype.kind not in kind or array.shape != (beams,):
             found = f"has shape {array.shape}" if array.dtype.kind in kind else f"is {_short(given)}"
             raise KernelError(
@@ -121,10 +118,7 @@ def _numbers(kind: type, name: str, given: Any, count: int, of: str) -> Any:  # 
     if type(given) is tuple and len(given) == count and all(type(one) is float for one in given):
         values = list(given)  # most inertial readings: an array costs ten times as much
     else:
-        try:
-            array = np.asarray(given)
-        except ValueError:  # lists of unequal lengths
-            array = np.array(None)
+        array = _array(given)
         if array.dtype.kind not in "fiu" or array.shape != ((count,) if count else ()):
             wanted = f"{count} numbers" if count else "a number"
             raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"{wanted}, {of}")
@@ -132,6 +126,13 @@ def _numbers(kind: type, name: str, given: Any, count: int, of: str) -> Any:  # 
     if not all(map(math.isfinite, values)):
         raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"finite numbers, {of}")
     return tuple(values) if count else values[0]
+
+
+def _array(given: Any) -> Any:  # noqa: ANN401 - to be seen
+    try:
+        return np.asarray(given)
+    except ValueError:  # lists of unequal lengths
+        return np.array(None)
 
 
 def _short(given: object) -> str:
