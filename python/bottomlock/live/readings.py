@@ -331,9 +331,7 @@ class PingReader(Reader[Ping]):
                 # The reader's sum begins with this record's first interval.
                 time_ns = self._sum_ns = sum_ns + time_ns
             ping = self._ping(table, row, time_ns, record, only=table.rows == 1)
-            # Other axes are not those of the beams' directions.
-            own = ping.instrument_mps if recording.frame == "frd" else np.full(3, np.nan)
-            found.append(replace(ping, instrument_mps=own))
+            found.append(replace(ping, instrument_frame=recording.frame))
         if water and found and absolute:
             found[-1] = replace(found[-1], water=joined(water))
         return found

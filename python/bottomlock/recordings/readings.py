@@ -25,10 +25,11 @@ class Ping:
         valid: (n,).
         sd_mps: (n,) the instrument's figure of merit of each beam, 1 sigma; NaN where there is none.
         range_m: (n,) along the beam; NaN where there is none.
-        instrument_mps: (3,) the instrument's own velocity, forward, right, down; NaN where there is none in such axes.
+        instrument_mps: (3,) the instrument's own velocity; NaN where there is none.
         instrument_valid: whether the instrument calls it valid; None without a flag.
         stale: the beams repeat those of the report before; none is valid.
         water: cells of the water, of this ping or measured since the one before; None where there are none.
+        instrument_frame: of the instrument's own velocity, "frd" for forward, right, down.
     """
 
     time_ns: int
@@ -41,11 +42,13 @@ class Ping:
     instrument_valid: bool | None
     stale: bool = False
     water: CellTable | None = None
+    instrument_frame: str = "frd"
 
     @property
     def own_mps(self) -> NDArray[np.float64]:
-        """(3,) the instrument's own velocity; NaN where there is none, or the instrument calls it invalid."""
-        return np.full(3, np.nan) if self.instrument_valid is False else self.instrument_mps
+        """(3,) the instrument's own velocity, forward, right, down; NaN where none is valid in such axes."""
+        is_none = self.instrument_valid is False or self.instrument_frame != "frd"
+        return np.full(3, np.nan) if is_none else self.instrument_mps
 
     @classmethod
     def of_beams(cls, time_ns: int, velocity_mps: ArrayLike, valid: ArrayLike | None = None) -> "Ping":
