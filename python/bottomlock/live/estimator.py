@@ -52,8 +52,9 @@ class Closure:
     Examples:
         >>> from bottomlock.io.beams import read_geometry
         >>> a50 = read_geometry("waterlinked_a50")  # claims 4 mm/s
-        >>> closure, one, valid = Closure(a50), np.array([0.08, 0.0, 0.0, 0.0]), np.ones(4, dtype=bool)
-        >>> for sign in [1.0, -1.0] * 10: closure.add(sign * one, valid, a50.beam_sd_mps)
+        >>> closure, one = Closure(a50), np.array([0.08, 0.0, 0.0, 0.0])
+        >>> pings = [Ping.of_beams(0, sign * one) for sign in [1.0, -1.0] * 10]
+        >>> for ping in pings: closure.add(replace(ping, sd_mps=a50.beam_sd_mps))
         >>> round(closure.ratio)
         15
     """
@@ -68,28 +69,18 @@ class Closure:
         self.ratio: float | None = None
         self.own_ratio: float | None = None
 
-    def add(
-        self,
-        velocity_mps: NDArray[np.float64],
-        valid: NDArray[np.bool_],
-        sd_mps: NDArray[np.float64],
-        own_mps: NDArray[np.float64] | None = None,
-    ) -> None:
-        """Takes a ping.
-
-        Args:
-            velocity_mps, valid, sd_mps: (n,) velocities along the beams, which are valid, and their claimed noise.
-            own_mps: (3,) the instrument's own velocity, forward, right, down; None or NaN where there is none.
-        """
-        if not valid.all():
+    def add(self, ping: Ping) -> None:
+        """Takes a ping, whose `sd_mps` is the claimed noise of each beam."""
+        if not ping.valid.all():
             return
-        if own_mps is not None and np.isfinite(own_mps).all():
-            apart = [(velocity_mps - axes @ own_mps) / sd_mps for axes in self._axes]
+        own_mps = ping.own_mps
+        if np.isfinite(own_mps).all():
+            apart = [(ping.velocity_mps - axes @ own_mps) / ping.sd_mps for axes in self._axes]
             self._own.append(min(apart, key=lambda one: float(np.abs(one).max())))
             self.own_ratio = _robust(self._own)
-        rows = whitened_closure(self._geometry, sd_mps)
+        rows = whitened_closure(self._geometry, ping.sd_mps)
         if rows.size:
-            self._last.append(rows @ (velocity_mps / sd_mps))
+            self._last.append(rows @ (ping.velocity_mps / ping.sd_mps))
             self.ratio = _robust(self._last)
 
 
@@ -309,7 +300,7 @@ class VelocityEstimator(Estimator):
     def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         """Solves a ping."""
         ping = self._config.with_noise(ping, self._instrument)
-        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps, ping.own_mps)
+        self.closure.add(ping)
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         kept = self._jumps.kept(time_ns, ping.velocity_mps, ping.valid, ping.sd_mps)
         ping = replace(ping, valid=kept)

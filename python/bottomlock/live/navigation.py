@@ -183,7 +183,7 @@ class NavigationEstimator(Estimator):
         self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         self.last.used = np.zeros_like(ping.valid)
         self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
-        self.closure.add(ping.velocity_mps, ping.valid, ping.sd_mps, ping.own_mps)
+        self.closure.add(ping)
         self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
         if self.navigator is None:
             return

@@ -204,7 +204,7 @@ class StartedNavigator:
         ping = self._config.with_noise(ping, self._instrument)
         reports = list(self._aligned.beams(ping.time_ns, ping))
         self._aligned.solve(ping.time_ns, ping)  # after it, so that a ping that is refused gives no velocity
-        self._closure.add(ping.velocity_mps, ping.valid, ping.sd_mps, ping.own_mps)
+        self._closure.add(ping)
         if self.navigator is None:
             return []
         if ping.water is not None and self._config.water_track is None:
