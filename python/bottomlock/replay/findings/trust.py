@@ -153,16 +153,19 @@ class Evidence:
         )
 
     @property
+    def taken(self) -> str:
+        """The method that is judged, or where there is no dead reckoning the one to take."""
+        return recommended(self) if self.judged is None else self.judged.method
+
+    @property
     def sd_taken_m(self) -> float:
         """Claimed σ at the end of that method; 0 where there is none."""
-        name = recommended(self) if self.judged is None else self.judged.method
-        return self.sd_m.get(name, 0.0)
+        return self.sd_m.get(self.taken, 0.0)
 
     @property
     def doubted(self) -> SensorRow | None:
-        """The sensor beside the beams that contradicts the method to take most; None without one."""
-        taken = recommended(self) if self.judged is None else self.judged.method
-        rows = [one for one in self.sensors if one.method == taken and one.sensor not in ASSUMED]
+        """The sensor beside the beams that contradicts that method most; None without one."""
+        rows = [one for one in self.sensors if one.method == self.taken and one.sensor not in ASSUMED]
         rows = [one for one in rows if one.measured >= FEWEST_READINGS]
         doubted = [one for one in rows if one.rejected_part > REJECTED or one.slow_error > SLOW_SIGMAS]
         return max(doubted, key=lambda one: (one.rejected_part, one.slow_error), default=None)
