@@ -146,10 +146,13 @@ def _no_pose(estimate: Estimate) -> str | None:
     return later_than_a_ros_time(estimate)
 
 
-def _put_orientation(writer: CdrWriter, attitude: Floats) -> None:
-    """`geometry_msgs/Quaternion`, scalar last."""
+def _put_pose(writer: CdrWriter, estimate: Estimate, frame_id: str, child_frame_id: str) -> None:
+    """Header, name of the body's frame, position and `geometry_msgs/Quaternion`, scalar last."""
+    position, attitude = pose_enu_flu(estimate)
     w, x, y, z = attitude.tolist()
-    writer.float64(x, y, z, w)
+    writer.header(estimate.time_ns, frame_id)
+    writer.string(child_frame_id)
+    writer.float64(*(position + 0.0).tolist(), x, y, z, w)
 
 
 class RosOdometry(TwistPort):
@@ -168,14 +171,10 @@ class RosOdometry(TwistPort):
 
     def _message(self, estimate: Estimate) -> bytes:
         assert estimate.navigation_covariance is not None
-        position, attitude = pose_enu_flu(estimate)
         turn = np.kron(np.eye(2), ENU_FROM_NED)
         covariance = turn @ estimate.navigation_covariance[:6, :6] @ turn.T
         writer = CdrWriter()
-        writer.header(estimate.time_ns, self.frame_id)
-        writer.string(self.child_frame_id)
-        writer.float64(*(position + 0.0).tolist())
-        _put_orientation(writer, attitude)
+        _put_pose(writer, estimate, self.frame_id, self.child_frame_id)
         writer.float64(*(covariance + 0.0).ravel().tolist())
         self._put_twist(writer, estimate)
         return bytes(writer)
@@ -196,11 +195,7 @@ class RosTransform(Port):
         return _no_pose(estimate)
 
     def _message(self, estimate: Estimate) -> bytes:
-        position, attitude = pose_enu_flu(estimate)
         writer = CdrWriter()
         writer.uint32(1)
-        writer.header(estimate.time_ns, self.frame_id)
-        writer.string(self.child_frame_id)
-        writer.float64(*(position + 0.0).tolist())
-        _put_orientation(writer, attitude)
+        _put_pose(writer, estimate, self.frame_id, self.child_frame_id)
         return bytes(writer)
