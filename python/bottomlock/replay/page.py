@@ -41,9 +41,9 @@ _CALIBRATION_WORDS = (
     "to be added to the DVL's stamps. What the motion does not show keeps the σ that it had before."
 )
 _SENSOR_WORDS = (
-    "Readings that reached the filter, those left out as none, the part that the gate rejected, how often rejections "
-    "inflated the covariance, means of NIS and its degrees of freedom, and the largest estimate of the sensor's slow "
-    "errors (bias, offset, walk, deviation) in σ of what the case states."
+    "Readings that reached the filter; rows left out because they hold none; the part that the gate rejected; how "
+    "often rejections inflated the covariance; NIS and its degrees of freedom, means; the largest estimate of the "
+    "sensor's slow errors (bias, offset, walk, deviation) in σ of what the case states."
 )
 _CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
 

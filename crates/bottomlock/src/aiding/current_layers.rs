@@ -57,7 +57,7 @@ pub struct LayersPrior {
 }
 
 impl Default for LayersPrior {
-    /// Coastal water; where each number comes from stands in `docs/sensors.md`.
+    /// Coastal water; where each number comes from stands in `docs/methods/without_bottom.md`.
     fn default() -> Self {
         Self {
             sd_mps: 0.04,
