@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import WaterCells
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.water_cells import CellCounts, check_cells, water_beams

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import WaterCells
 from bottomlock.io.beam_table import read_water_table, water_file
 from bottomlock.kernel import BeamGeometry, models
 from bottomlock.recordings.attitude_motion import divided, held, inertial_readings

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from bottomlock.audit.findings import SIGMAS
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigmas_for
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import WaterCells
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.finding import Finding

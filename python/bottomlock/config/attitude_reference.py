@@ -87,7 +87,7 @@ class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
                 "angles would count twice"
             )
 
-    def kernel_models(self) -> dict[str, models.Settings]:
+    def kernel_models(self, gravity_mps2: float = math.nan) -> dict[str, models.Settings]:
         """The errors in SI, as the kernel names them: of the whole attitude, and of the heading alone."""
         yaw = {key.removeprefix("yaw_"): value for key, value in self if key != "yaw_offset_deg"}
-        return super().kernel_models() | {"heading": in_si(yaw, models.HeadingModel)}
+        return super().kernel_models(gravity_mps2) | {"heading": in_si(yaw, models.HeadingModel)}

@@ -226,11 +226,11 @@ class Scenario(SensorSections):
     def kernel_model(self, gravity_mps2: float) -> models.Model:
         """Environment and sensor errors in SI, as the kernel takes them."""
         initial = self.initial
-        sensors: dict[str, Any] = {
-            sensor.name: getattr(self, sensor.name).errors(gravity_mps2) for sensor in SENSORS
-        }
-        if self.water_track.enabled:
-            sensors |= self.water_track.kernel_models()
+        sections = [getattr(self, sensor.name) for sensor in SENSORS]
+        sections += [self.water_track] if self.water_track.enabled else []
+        sensors: dict[str, Any] = {}
+        for section in sections:
+            sensors |= section.kernel_models(gravity_mps2)
         angles = (initial.roll_deg, initial.pitch_deg, initial.yaw_deg)
         return models.Model(
             environment=in_si(
@@ -252,11 +252,11 @@ class Scenario(SensorSections):
 
     def kernel_options(self) -> models.Options:
         """Filter options as the kernel takes them."""
-        sensors = (getattr(self, sensor.name).kernel_options() for sensor in SENSORS)
+        sensors = (getattr(self, sensor.name) for sensor in SENSORS)
         imu = {"imu_sampling": self.imu.sampling, "imu_limits": self.imu.limits.kernel_limits()}
         robust = {"robust": self.robust.kernel_options()}
-        water = self.water_track.kernel_options()
-        return models.Options.of(self.filter.kernel_options(), robust, imu, water, *sensors)
+        used = [one.kernel_options() for one in (*sensors, self.water_track) if one.enabled]
+        return models.Options.of(self.filter.kernel_options(), robust, imu, *used)
 
 
 def packaged_scenarios() -> dict[str, str]:

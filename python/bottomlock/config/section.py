@@ -183,8 +183,8 @@ class SensorErrors(Section):
         """Those of the kernel's settings that no key of the same name has, by their names there."""
         return {}
 
-    def kernel_models(self) -> dict[str, Settings]:
-        """Section of the kernel's model, SI."""
+    def kernel_models(self, gravity_mps2: float = math.nan) -> dict[str, Settings]:  # noqa: ARG002
+        """Section of the kernel's model, SI; gravity is needed by a pressure alone."""
         return {self.kernel.place: in_si(dict(self), self.kernel, **self.si())}
 
     def kernel_options(self) -> dict[str, Any]:

@@ -1,20 +1,20 @@
-"""The sensors beside IMU and DVL: the section of each and its declaration for campaign, tables and studies.
+"""The sensors beside IMU and DVL: the section of each in a scenario, and its errors in a case and live.
 
-A sensor is a section in `SensorSections`; nothing else in the package names the sensors of a simulation one by one.
-What a filter assumes of it stands in the section that a case and live have too, where that is the same.
+A sensor of a simulation is a section in `SensorSections`, one that aids in a case or live a section in
+`AidingSections`; what a filter assumes of both stands once where it is the same.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from bottomlock import units
-from bottomlock.config.aiding_errors import SlowDepthErrors
-from bottomlock.config.attitude_reference import SlowAttitudeErrors
+from bottomlock.config.attitude_reference import AttitudeReference, SlowAttitudeErrors
 from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.section import Fraction, Outliers, Section, SensorErrors, Vector, in_si, shown
-from bottomlock.config.through_water import ThrustErrors
+from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
@@ -51,9 +51,26 @@ class Simulated(Switched):
         cls.name = cls.kernel.place
         cls.table, cls.updates = cls.__dict__.get("table", cls.name), cls.__dict__.get("updates", (cls.name,))
 
-    def errors(self, _gravity_mps2: float) -> models.Settings:
-        """The errors in SI; gravity makes a depth of a pressure."""
-        return in_si(dict(self), self.kernel, **self.si())
+
+class SlowDepthErrors(SensorErrors, kernel=models.DepthModel):
+    """What a depth is off for longer than a reading: by the defaults 0.1 % of 200 m, in waters with a tide.
+
+    The time is that of half a semidiurnal tide.
+    """
+
+    bias_m: NonNegative = 0.3
+    bias_time_s: Positive = 21_600.0
+    wave_m: NonNegative = 0.0
+    wave_period_s: Positive = models.WAVE_PERIOD_S
+
+
+class DepthErrors(SlowDepthErrors):
+    """Noise and bias, 1 sigma, of a depth measured at `lever_arm_m` from the IMU."""
+
+    sd_m: Annotated[Positive, shown(example=0.02)]
+    """white noise, 1 sigma"""
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the sensor from the IMU, platform axes"""
 
 
 class Depth(SlowDepthErrors, Simulated):
@@ -72,10 +89,10 @@ class Depth(SlowDepthErrors, Simulated):
     barometric_offset_pa: Finite = 0.0
     """what the barometer adds to the pressure; not drawn"""
 
-    def errors(self, gravity_mps2: float) -> models.Settings:
-        """The errors in SI."""
+    def kernel_models(self, gravity_mps2: float = math.nan) -> dict[str, models.Settings]:
+        """Section of the kernel's model, SI; gravity makes a depth of a pressure."""
         sd_m = self.noise_pa / (self.water_density_kg_per_m3 * gravity_mps2)
-        return in_si(dict(self), self.kernel, sd_m=sd_m)
+        return {self.name: in_si(dict(self), self.kernel, sd_m=sd_m)}
 
 
 class Magnetometer(SlowAttitudeErrors, Simulated):
@@ -120,6 +137,19 @@ class Heading(Simulated, kernel=models.HeadingModel):
     quadrantal_sd_deg: NonNegative = 0.0
 
 
+class GpsErrors(SensorErrors, kernel=models.GpsModel):
+    """Noise of GPS positions along north, east, down, 1 sigma, of an antenna at `lever_arm_m` from the IMU."""
+
+    position_sd_m: tuple[Positive, Positive, Positive] = (2.0, 2.0, 4.0)
+    """noise of north, east, down, 1 sigma"""
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the antenna from the IMU, platform axes"""
+
+    def si(self) -> dict[str, Any]:
+        """The velocities of the receiver, which are not used."""
+        return {"velocity_sd_mps": (0.1, 0.1, 0.2)}
+
+
 class Gps(Simulated, kernel=models.GpsModel):
     """GPS receiver: fixes at the surface only, from `acquire_s` after the antenna has come up."""
 
@@ -136,7 +166,26 @@ class Gps(Simulated, kernel=models.GpsModel):
     """time from surfacing to the first fix"""
 
 
-class AcousticPosition(Outliers, Simulated, kernel=models.AcousticPositionModel):
+class Transponder(SensorErrors, kernel=models.AcousticPositionModel):
+    """Where the two ends of an acoustic position (USBL, LBL) are."""
+
+    transceiver_m: Vector = (0.0, 0.0, 0.0)
+    lever_arm_m: Vector = (0.0, 0.0, 0.0)
+    """position of the transponder from the IMU, platform axes"""
+
+
+class AcousticPositionErrors(Transponder):
+    """Noise of acoustic positions (USBL, LBL) of a transponder at `lever_arm_m` from the IMU (platform frame).
+
+    1 sigma of each axis is the root of sd_m² + (sd_percent_of_range/100 · slant range)², the slant range from
+    `transceiver_m` in the tangent frame, unless the readings state it.
+    """
+
+    sd_m: Positive = 0.5
+    sd_percent_of_range: NonNegative = 1.0
+
+
+class AcousticPosition(Outliers, Transponder, Simulated):
     """Acoustic position (USBL, LBL): fixes whose noise grows with the slant range from the transceiver.
 
     The standard deviation of each axis is the root of noise_m² + (noise_percent_of_range/100 · slant range)².
@@ -149,9 +198,6 @@ class AcousticPosition(Outliers, Simulated, kernel=models.AcousticPositionModel)
     rate_hz: Positive = 0.2
     noise_m: Positive = 0.5
     noise_percent_of_range: NonNegative = 1.0
-    transceiver_m: Vector = (0.0, 0.0, 0.0)
-    lever_arm_m: Vector = (0.0, 0.0, 0.0)
-    """position of the transponder from the IMU, platform axes"""
 
 
 class Thrust(ThrustErrors, Simulated):
@@ -174,6 +220,42 @@ class Thrust(ThrustErrors, Simulated):
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
         return super().kernel_options() if self.enabled else {"thrust": "off"}
+
+
+Cell = Annotated[int, Field(ge=1, le=255)]
+
+
+class WaterCells(SensorErrors):
+    """Velocity through the water by beams that the water returned, with the current as states of the filter.
+
+    Of each beam the mean over the chosen cells is used. What leaves a cell out is in docs/howto/water_track.md. A noise
+    that the instrument records with each cell comes before `noise_mps`.
+    """
+
+    cells: Annotated[tuple[Cell, ...], Field(min_length=1), shown(unit="1")] = (1, 2)
+    """numbers of the cells whose mean is used, 1 the nearest; leave out those in the vehicle's own wake"""
+    min_correlation: Annotated[float, Field(ge=0, le=255), shown(unit="1", example=64.0)] = 0.0
+    """least correlation of a beam in a cell, 0 to 255"""
+    max_closure_mps: Annotated[Positive | None, shown(example=0.05)] = None
+    """largest closure of the beams of a cell, beyond which none of them is used; none: three times what their noise
+    leads to"""
+    noise_mps: Annotated[Positive | None, shown(example=0.04)] = None
+    """noise of a beam, 1 sigma, where the instrument records none; none: that of the bottom's beams"""
+
+    @model_validator(mode="after")
+    def _cells_once(self) -> Self:
+        for cell in self.cells:
+            if self.cells.count(cell) > 1:
+                raise ValueError(f"cell {cell} is named twice in 'cells', expected each cell once")
+        return self
+
+    def kernel_models(self, gravity_mps2: float = math.nan) -> dict[str, models.Settings]:  # noqa: ARG002
+        """Nothing: the noise is that of the cells."""
+        return {}
+
+    def kernel_options(self) -> dict[str, Any]:
+        """What it adds to the filter's options."""
+        return {"water_track": True}
 
 
 class WaterTrack(Outliers, Switched, kernel=models.WaterTrackModel):
@@ -201,7 +283,7 @@ class WaterTrack(Outliers, Switched, kernel=models.WaterTrackModel):
 
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""
-        return {"water_track": self.enabled}
+        return {"water_track": True}
 
 
 class SensorSections(Section):
@@ -213,6 +295,18 @@ class SensorSections(Section):
     gps: Gps = Gps(enabled=False)
     acoustic_position: AcousticPosition = AcousticPosition(enabled=False)
     thrust: Thrust = Thrust(enabled=False)
+
+
+class AidingSections(Section):
+    """The sections of `recordings.sensors.SENSORS` as a filter takes them, in a live configuration."""
+
+    attitude: AttitudeReference | None = None
+    depth: DepthErrors | None = None
+    gps: GpsErrors | None = None
+    acoustic_position: AcousticPositionErrors | None = None
+    water_track: WaterCells | None = None
+    thrust: ThrustErrors | None = None
+    effort: EffortErrors | None = None
 
 
 SENSORS: tuple[type[Simulated], ...] = tuple(

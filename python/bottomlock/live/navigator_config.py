@@ -19,10 +19,10 @@ from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
     LEVELLING_SD_DEG,
-    AidingSections,
     AttitudeSection,
     ImuFromAttitude,
     ImuSection,
+    LiveSections,
     NavigationSection,
     OriginSection,
     StartSection,
@@ -34,7 +34,7 @@ from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
 from bottomlock.recordings.sensors import SENSORS
 
 
-class NavigatorConfig(AidingSections):
+class NavigatorConfig(LiveSections):
     """The DVL, the other sensors, the start and the filter; where readings come from is not here."""
 
     dvl: DvlSettings

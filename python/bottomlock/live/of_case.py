@@ -9,11 +9,11 @@ from pydantic import BaseModel
 from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.imu import ImuLimits
 from bottomlock.config.key_reference import section_models
+from bottomlock.config.sensors import WaterCells
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
-from bottomlock.config.water_cells import WaterCells
 from bottomlock.errors import ScenarioError
-from bottomlock.live.sections import AidingSections, ImuFromAttitude, ImuSection
+from bottomlock.live.sections import ImuFromAttitude, ImuSection, LiveSections
 from bottomlock.recordings.dvl_sections import DvlStream, WaterTrackStream
 from bottomlock.recordings.stream_sections import ImuFromAttitude as AttitudeInertial
 from bottomlock.recordings.stream_sections import ImuStream, SensorStreams
@@ -24,7 +24,7 @@ _TABLES: dict[str, tuple[type[BaseModel], type[BaseModel]]] = {
     **{
         key: (
             section_models(field.annotation)[0],
-            section_models(AidingSections.model_fields[key].annotation)[0],
+            section_models(LiveSections.model_fields[key].annotation)[0],
         )
         for key, field in SensorStreams.model_fields.items()
     },

@@ -5,12 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
 from bottomlock.config.section import Earth, InFolder, Section, Vector, shown
-from bottomlock.config.through_water import EffortErrors, ThrustErrors
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import AidingSections, DepthErrors
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
@@ -125,16 +123,11 @@ class DepthSection(DepthErrors):
         return (pressure_pa - self.surface_pressure_pa) / (self.water_density_kg_per_m3 * gravity_mps2)
 
 
-class AidingSections(Section):
-    """The sections of the sensors of `recordings.sensors.SENSORS`."""
+class LiveSections(AidingSections):
+    """The sensors that aid; of two of them live needs more than a filter does."""
 
     attitude: AttitudeSection | None = None
     depth: DepthSection | None = None
-    gps: GpsErrors | None = None
-    acoustic_position: AcousticPositionErrors | None = None
-    water_track: WaterCells | None = None
-    thrust: ThrustErrors | None = None
-    effort: EffortErrors | None = None
 
 
 class OriginSection(Earth):

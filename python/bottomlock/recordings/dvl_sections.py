@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from bottomlock.config.dvl_errors import DvlSettings
 from bottomlock.config.section import InFolder, shown
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import WaterCells
 from bottomlock.kernel.models import Positive
 from bottomlock.recordings.stream_sections import Clock, ColumnTriple, ReorderedStream
 

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from bottomlock import units
-from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
+from bottomlock.config.sensors import AcousticPositionErrors, DepthErrors, GpsErrors, WaterCells
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
-from bottomlock.config.water_cells import WaterCells
 from bottomlock.kernel import Navigator, Report
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
 from bottomlock.recordings.readings import (

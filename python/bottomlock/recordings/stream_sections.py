@@ -5,10 +5,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from bottomlock.config.aiding_errors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
 from bottomlock.config.section import InFolder, Mounting, Section, Vector, shown
+from bottomlock.config.sensors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes

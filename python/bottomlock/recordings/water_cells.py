@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from bottomlock.config.water_cells import WaterCells
+from bottomlock.config.sensors import WaterCells
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import closure_rows
