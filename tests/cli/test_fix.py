@@ -8,10 +8,18 @@ import polars as pl
 import pytest
 
 import bottomlock
-from bottomlock.tables.fixes import fixes_schema
 from tests.cli.calls import command
 
 PINGS = 400
+AXES = ("surge", "sway", "heave")
+COLUMNS = {
+    "time_ns": pl.Int64(), "status": pl.String(), "rank": pl.UInt8(),
+    **{f"{axis}_mps": pl.Float64() for axis in AXES},
+    **{f"{axis}_{what}": pl.String() for what in ("status", "source") for axis in AXES},
+    **{f"cov_{one}_{other}_m2ps2": pl.Float64() for k, one in enumerate(AXES) for other in AXES[k:]},
+    **{f"beam{k}_used": pl.Boolean() for k in (1, 2, 3, 4)},
+}  # fmt: skip
+"""Columns of the fixes of an instrument with four beams."""
 
 
 @pytest.fixture
@@ -44,7 +52,7 @@ def test_robust_is_the_default(log: Path) -> None:
     frame, words = fixes(log)
     measured = ("beam_sd_factor", "halfwidth_2sigma_over_sd", "halfwidth_3sigma_over_sd")
     screened = {"outlier_test": pl.String(), **dict.fromkeys(measured, pl.Float64())}
-    assert frame.schema == pl.Schema(fixes_schema(4) | screened)
+    assert frame.schema == pl.Schema(COLUMNS | screened)
     assert frame.equals(fixes(log, "--robust")[0])
     assert "beam noise, all pings: claimed sd 42 mm/s, measured" in words
     assert "1 with a beam rejected" in words
@@ -59,7 +67,7 @@ def test_robust_is_the_default(log: Path) -> None:
 
 def test_without_it_the_fixes_are_those_of_the_kernel(log: Path) -> None:
     frame, words = fixes(log, "--no-robust")
-    assert frame.schema == pl.Schema(fixes_schema(4))
+    assert frame.schema == pl.Schema(COLUMNS)
     assert "beam noise" not in words
     assert "outliers" not in words
     bad = frame.row(200, named=True)

@@ -11,7 +11,7 @@ from bottomlock.kernel import solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
 from bottomlock.replay.robust_fix import solve_robust, solve_scaled
-from bottomlock.tables.fixes import OUTLIER_TESTS
+from bottomlock.replay.screen_beams import OUTLIER_TESTS
 
 pytestmark = pytest.mark.recordings
 

@@ -9,7 +9,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-import bottomlock
 from bottomlock import tables
 from bottomlock.config.imu import ImuLimits
 from bottomlock.config.scenario_sections import Filter, Robust
@@ -18,7 +17,6 @@ from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.kernel.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
 from bottomlock.tables.check import check
-from bottomlock.tables.fixes import fixes_schema
 
 
 def schemas() -> dict[str, Mapping[str, pl.DataType]]:
@@ -40,13 +38,6 @@ def test_every_rms_and_mean_says_over_what() -> None:
     assert len(found) > 15
     vague = re.compile(r"_(rms|mean)(?!_over_(time|runs|fixes|pings))")
     assert [(table, name) for table, columns in found.items() for name in columns if vague.search(name)] == []
-
-
-def test_fixes_have_their_columns() -> None:
-    janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
-    valid = np.array([[True] * 4, [True, True, False, False]])
-    fixes = bottomlock.solve_velocity(janus, np.zeros((2, 4)), valid, method="plcf", beam_sd_mps=0.04)
-    assert fixes.to_frame().schema == pl.Schema(fixes_schema(4))
 
 
 def test_the_defaults_of_a_scenario_are_the_kernels() -> None:

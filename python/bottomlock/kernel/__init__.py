@@ -23,6 +23,7 @@ Examples:
     ('accepted', True)
 """
 
+# ruff: noqa: I001 - what is handed on from the compiled kernel is one list
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NewType
 
@@ -31,55 +32,48 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock import _kernel
 from bottomlock._kernel import (
-    DEFAULT_OPTIONS,
-    EARTH_RATE_RADPS,
-    FIX_STATUS,
-    INERTIAL_STATES,
-    METHODS,
-    RECOMMENDED_METHOD,
-    REPLACED_METHODS,
-    SENSORS,
-    STATES,
-    BeamGeometry,
-    ClosedLoop,
-    Navigator,
-    Report,
-    check_settings,
-    covariance_history,
-    error_model,
-    integrate_segments,
-    local_earth,
-    normal_gravity_mps2,
-    observe,
-    register_method,
-    rejected_imu,
-    replay_log,
-    run_batch,
-    simulate_sensors,
+    DEFAULT_OPTIONS as DEFAULT_OPTIONS,
+    EARTH_RATE_RADPS as EARTH_RATE_RADPS,
+    FIX_STATUS as FIX_STATUS,
+    INERTIAL_STATES as INERTIAL_STATES,
+    METHODS as METHODS,
+    RECOMMENDED_METHOD as RECOMMENDED_METHOD,
+    REPLACED_METHODS as REPLACED_METHODS,
+    SENSORS as SENSORS,
+    STATES as STATES,
+    BeamGeometry as BeamGeometry,
+    ClosedLoop as ClosedLoop,
+    Navigator as Navigator,
+    Report as Report,
+    check_settings as check_settings,
+    covariance_history as covariance_history,
+    error_model as error_model,
+    integrate_segments as integrate_segments,
+    local_earth as local_earth,
+    normal_gravity_mps2 as normal_gravity_mps2,
+    observe as observe,
+    register_method as register_method,
+    rejected_imu as rejected_imu,
+    replay_log as replay_log,
+    run_batch as run_batch,
+    simulate_sensors as simulate_sensors,
 )
-from bottomlock.errors import KernelError
+from bottomlock.errors import KernelError as KernelError
 from bottomlock.kernel.words import geometry_line, geometry_table, navigator_line, navigator_table
 from bottomlock.support.nearest import did_you_mean
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from bottomlock._kernel import BatchDict as BatchDict
-    from bottomlock._kernel import LogDict as LogDict
-    from bottomlock._kernel import ReplayDict as ReplayDict
-    from bottomlock._kernel import ScheduleDict as ScheduleDict
-    from bottomlock._kernel import StateDict as StateDict
-    from bottomlock._kernel import TruthDict as TruthDict
+    from bottomlock._kernel import (
+        BatchDict as BatchDict,
+        LogDict as LogDict,
+        ReplayDict as ReplayDict,
+        ScheduleDict as ScheduleDict,
+        StateDict as StateDict,
+        TruthDict as TruthDict,
+    )
     from bottomlock.arguments import AnyGeometry
-
-__all__ = [
-    "COMPONENT_STATUS", "DEFAULT_OPTIONS", "EARTH_RATE_RADPS", "FIX_METHODS", "FIX_STATUS", "INERTIAL_STATES",
-    "METHODS", "RECOMMENDED_METHOD", "REPLACED_METHODS", "SENSORS", "SOURCES", "STATES", "STATUS", "BeamGeometry",
-    "ClosedLoop", "Configuration", "FixMethod", "JanusConfiguration", "KernelError", "Method", "Navigator", "OwnName",
-    "Report", "VelocityFixes", "check_settings", "covariance_history", "error_model", "fix_method",
-    "integrate_segments", "kernel_version", "local_earth", "normal_gravity_mps2", "observe",
-    "register_method", "rejected_imu", "replay_log", "run_batch", "simulate_sensors", "solve_velocity",
-]  # fmt: skip
 
 Method = Literal["ins", "lc", "tc", "vb", "nsv", "plcf", "vhv", "elc", "info", "weak_sway", "sway_current"]
 """Name of an aiding method, one of `METHODS`."""
@@ -150,29 +144,29 @@ class VelocityFixes:
     source: NDArray[np.uint8]
 
     def to_frame(self, time_ns: NDArray[np.int64] | None = None) -> "pl.DataFrame":
-        """A table with the columns of `tables.fixes.fixes_schema`; unsolved values are null."""
+        """A row per ping: time, status, rank, and of each axis velocity, status and source; unsolved values are null.
+
+        `*_status` and `*_source` are names of `COMPONENT_STATUS` and `SOURCES`, `cov_*` covariances of the velocities,
+        `beam*_used` whether a beam was used.
+        """
         import polars as pl  # noqa: PLC0415 - `import bottomlock` stays light
 
         axes = ("surge", "sway", "heave")
-        count = len(self.status)
         columns: dict[str, Any] = {
-            "time_ns": np.arange(count, dtype=np.int64) if time_ns is None else time_ns,
-            "status": [STATUS[code] for code in self.status],
+            "time_ns": np.arange(len(self.status), dtype=np.int64) if time_ns is None else time_ns,
+            "status": np.array(STATUS)[self.status],
             "rank": self.rank,
         }
-        columns |= {f"{axis}_mps": self.velocity_p_mps[:, k] for k, axis in enumerate(axes)}
-        for codes, names, ending in (
-            (self.component, COMPONENT_STATUS, "status"),
-            (self.source, SOURCES, "source"),
+        for ending, values in (
+            ("mps", self.velocity_p_mps),
+            ("status", np.array(COMPONENT_STATUS)[self.component]),
+            ("source", np.array(SOURCES)[self.source]),
         ):
-            for k, axis in enumerate(axes):
-                columns[f"{axis}_{ending}"] = [names[code] for code in codes[:, k]]
-        for k, other in np.argwhere(np.triu(np.ones((3, 3)))).tolist():
+            columns |= {f"{axis}_{ending}": values[:, k] for k, axis in enumerate(axes)}
+        for k, other in zip(*np.triu_indices(3), strict=True):
             columns[f"cov_{axes[k]}_{axes[other]}_m2ps2"] = self.cov_m2ps2[:, k, other]
-        for beam in range(self.beams_used.shape[1]):
-            columns[f"beam{beam + 1}_used"] = self.beams_used[:, beam]
-        floats = [name for name, value in columns.items() if getattr(value, "dtype", None) == np.float64]
-        return pl.DataFrame(columns).with_columns(pl.col(floats).fill_nan(None))
+        columns |= {f"beam{k + 1}_used": used for k, used in enumerate(self.beams_used.T)}
+        return pl.DataFrame(columns).with_columns(pl.selectors.float().fill_nan(None))
 
 
 def fix_method(name: str) -> FixMethod:

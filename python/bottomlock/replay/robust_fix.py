@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import MOST_DEGREES, BeamNoise, measure_noise, student_halfwidths
-from bottomlock.replay.screen_beams import Screened, screen_beams
-from bottomlock.tables.fixes import OUTLIER_TESTS
+from bottomlock.replay.screen_beams import OUTLIER_TESTS, Screened, screen_beams
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +27,7 @@ class RobustFixes:
     halfwidths: Floats
 
     def to_frame(self, time_ns: Times) -> pl.DataFrame:
-        """A table with the columns of `tables.fixes.fixes_schema`, and the noise and outlier test of each ping.
+        """A table with the columns of `VelocityFixes.to_frame`, and the noise and outlier test of each ping.
 
         `beam_sd_factor` is the noise used over the claimed noise of the beams; the covariances contain it. The
         half-widths of the intervals that a Gaussian covers with 2 and 3 sigma (95.4 and 99.7 %) are in standard

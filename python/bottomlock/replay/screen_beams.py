@@ -20,7 +20,6 @@ from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise
-from bottomlock.tables.fixes import OUTLIER_TESTS
 
 GATE = 0.9973
 """Probability with which a good ping passes, if the noise is Gaussian at its measured scale."""
@@ -33,6 +32,9 @@ AROUND_S = 5.0
 FEWEST_PASSED = 20
 """Fewest passed pings from which the scatter of the prediction is taken."""
 
+OUTLIER_TESTS = ("untested", "passed", "beam_rejected", "down_weighted")
+"""Outcome of a ping's test for outliers: without redundant beams, passed, the outlier identified and rejected, or a
+closure beyond its gate of which no beam could be identified as the cause."""
 UNTESTED, PASSED, REJECTED, DOWN_WEIGHTED = range(len(OUTLIER_TESTS))
 
 
@@ -43,7 +45,7 @@ class Screened:
     Attributes:
         valid: (n, B) validity without rejected beams.
         factor: (n,) noise over the claimed noise; above that of the log in down-weighted pings.
-        outcome: (n,) index into `tables.fixes.OUTLIER_TESTS`.
+        outcome: (n,) index into `OUTLIER_TESTS`.
         expected_mps: (n, 3) velocity that the pings around predict, NaN without any.
         scatter_m2ps2: (3, 3) scatter of passed pings about it.
     """
