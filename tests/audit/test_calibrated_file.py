@@ -7,7 +7,7 @@ import pytest
 
 from bottomlock.audit.geometry_file import known
 from bottomlock.audit.mounting import Mounting
-from bottomlock.config.calibration import CalibrationSection, StatedCalibration
+from bottomlock.config.dvl import CalibrationSection, StatedCalibration
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import Calibrated, calibrated_text, require_toml

@@ -18,14 +18,7 @@ from bottomlock.config.mission_sections import (
     GridSeabedTable,
 )
 from bottomlock.config.packaged import packaged_names, text_of
-from bottomlock.config.scenario_sections import (
-    Campaign,
-    Dvl,
-    Environment,
-    Filter,
-    Initial,
-    Robust,
-)
+from bottomlock.config.scenario_sections import Campaign, Dvl, Environment, Filter, Initial, Robust
 from bottomlock.config.section import in_si, shown
 from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
 from bottomlock.config.toml_file import parse_toml
@@ -113,18 +106,17 @@ class Scenario(SensorSections):
 
     def content_hash(self) -> str:
         """SHA-256 of everything that decides the numbers (not the number of runs, the methods or the words)."""
-        exclude: dict[str, Any] = {"description": True, "campaign": {"runs", "methods", "own_methods"}}
-        # What is switched off decides nothing.
-        exclude |= {sensor.name: True for sensor in SENSORS if not getattr(self, sensor.name).enabled}
-        exclude |= {} if self.robust.enabled else {"robust": True}
-        exclude |= {} if self.water_track.enabled or self.thrust.enabled else {"water_track": True}
-        # The name of a vehicle is words too: its numbers stand beside it.
+        # What is switched off decides nothing; the water moves for the propeller, too.
+        used = {"water_track"} if self.thrust.enabled else set()
+        exclude: dict[str, Any] = {
+            name: True for name, section in self if name not in used and not getattr(section, "enabled", True)
+        }
+        # The name of a vehicle is words too: its numbers stand beside it. Simulated readings are not checked.
+        exclude |= {"description": True, "campaign": {"runs", "methods", "own_methods"}, "imu": {"limits"}}
         exclude["filter"] = {"water": {"vehicle"}}
         exclude["filter"] |= {} if self.filter.speed_sd_mps else {"speed_sd_mps": True, "speed_time_s": True}
         exclude |= {} if self.dvl.outlier_fraction else {"dvl": {"outlier_fraction", "outlier_factor"}}
         exclude |= {} if self.environment.earth == "ellipsoid" else {"environment": {"earth"}}
-        # Simulated readings are not checked.
-        exclude |= {"imu": {"limits"}}
         content = self.model_dump(mode="json", exclude=exclude)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -216,12 +208,11 @@ class Scenario(SensorSections):
         Raises:
             ScenarioError: for a key or value that `[trajectory]` rejects.
         """
-        kept = {key: getattr(self.trajectory, key) for key in self.trajectory.model_fields_set}
         moved = change.get("source", self.trajectory.source) != self.trajectory.source
-        if moved:
-            kept = {key: kept[key] for key in kept if key in {"kind", "duration_s", "speed_mps"}}
         content = self.model_dump(exclude_unset=True, exclude={"mission"} if moved else None)
-        return checked(type(self), content | {"trajectory": kept | change}, f"scenario {self.name}")
+        kept = {"kind", "duration_s", "speed_mps"} if moved else content["trajectory"].keys()
+        path = {key: value for key, value in content["trajectory"].items() if key in kept}
+        return checked(type(self), content | {"trajectory": path | change}, f"scenario {self.name}")
 
     def kernel_model(self, gravity_mps2: float) -> models.Model:
         """Environment and sensor errors in SI, as the kernel takes them."""

@@ -11,7 +11,7 @@ from pydantic import (
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
-from bottomlock.config.dvl_errors import DvlErrors
+from bottomlock.config.dvl import DvlErrors
 from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.section import Earth, Outliers, PackagedOrFile, Section, Triple, shown

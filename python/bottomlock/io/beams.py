@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout
-from bottomlock.config.calibration import StatedCalibration
+from bottomlock.config.dvl import StatedCalibration
 from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.section import shown
 from bottomlock.config.toml_file import parse_toml

@@ -24,7 +24,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator
 
 from bottomlock.kernel import EARTH_RATE_RADPS, KernelError, check_settings, normal_gravity_mps2
 
@@ -44,9 +44,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 _ONE = Field(json_schema_extra={"unit": "1"})
-_Array = BeforeValidator(lambda value: value.tolist() if isinstance(value, np.ndarray) else value)
-NonNegatives = Annotated[tuple[NonNegative, NonNegative, NonNegative], _Array]
-Positives = Annotated[tuple[Positive, Positive, Positive], _Array]
+Triple = tuple[NonNegative, NonNegative, NonNegative]
 
 
 class Settings(BaseModel):
@@ -111,6 +109,8 @@ class Settings(BaseModel):
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - values come as users give them
     """A value without arrays and numpy's numbers."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
@@ -438,13 +438,13 @@ class Motion(Settings, place="options.motion"):
     Along forward, right and down of the platform, (3,) each. An axis of which both are zero is free.
     """
 
-    mean_sd_mps: NonNegatives = (0.0, 0.0, 0.0)
+    mean_sd_mps: Triple = (0.0, 0.0, 0.0)
     """mean, which hardly changes"""
     mean_time_s: Positive = 10_000.0
     """correlation time of the mean"""
-    change_sd_mps: NonNegatives = (0.0, 0.0, 0.0)
+    change_sd_mps: Triple = (0.0, 0.0, 0.0)
     """first-order change about the mean"""
-    change_time_s: Positives = (40.0, 40.0, 40.0)
+    change_time_s: tuple[Positive, Positive, Positive] = (40.0, 40.0, 40.0)
     """correlation times of the change"""
 
 

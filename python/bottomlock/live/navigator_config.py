@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Tag
 
 from bottomlock import units
-from bottomlock.config.calibration import CalibrationSection
-from bottomlock.config.dvl_errors import DvlSettings
+from bottomlock.config.dvl import CalibrationSection, DvlSettings
 from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from bottomlock.config.dvl_errors import DvlSettings
+from bottomlock.config.dvl import DvlSettings
 from bottomlock.config.imu import ImuLimits
 from bottomlock.config.key_reference import section_models
 from bottomlock.config.sensors import WaterCells

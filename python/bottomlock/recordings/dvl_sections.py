@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import model_validator
 
-from bottomlock.config.dvl_errors import DvlSettings
+from bottomlock.config.dvl import DvlSettings
 from bottomlock.config.section import InFolder, shown
 from bottomlock.config.sensors import WaterCells
 from bottomlock.kernel.models import Positive

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from bottomlock.config.calibration import CalibrationSection
+from bottomlock.config.dvl import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.scenario_sections import Filter, Outage, Robust
 from bottomlock.config.section import Earth, Section, Vector, shown
