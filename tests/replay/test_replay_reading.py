@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.config.sensors import AcousticPositionErrors
 from bottomlock.errors import DataError
 from bottomlock.recordings.axes import (
     from_angles,
@@ -17,11 +18,14 @@ from bottomlock.recordings.axes import (
     quaternions,
     to_angles,
 )
+from bottomlock.recordings.readings import AcousticPositionReading
 from bottomlock.recordings.rotation import permute_axes
+from bottomlock.recordings.stream_sections import Clock, SensorStream
 from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
+from bottomlock.replay.sensor_values import stream_of
 from tests.oracle import geodesy
 from tests.oracle.rotations import matrix_from_euler
 from tests.replay.test_replay_case import LEAST
@@ -216,3 +220,18 @@ def test_axes_that_are_left_handed_are_noticed() -> None:
     np.testing.assert_array_equal(
         permute_axes(np.array([[1.0, 2.0, 3.0]]), ("-z", "x", "y")), [[-3.0, 1.0, 2.0]]
     )
+
+
+def test_columns_in_si_are_the_fields_of_a_reading() -> None:
+    """Of a sensor that needs nothing else: three numbers of a position stay together, and so do those of its noise."""
+
+    class Fixes(AcousticPositionErrors, SensorStream):
+        column_keys = ("columns_read",)
+        columns_read: tuple[str, ...]
+
+    section = Fixes(file=Path("fixes.csv"), clock=Clock(column="t"), columns_read=tuple("nedabc"))
+    stream = stream_of(section, np.array([1, 2]), np.arange(12.0).reshape(2, 6))
+    assert isinstance(stream, AcousticPositionReading)
+    assert np.asarray(stream.time_ns).tolist() == [1, 2]
+    assert np.asarray(stream.position_t_m).tolist() == [[0, 1, 2], [6, 7, 8]]
+    assert np.asarray(stream.sd_m).tolist() == [[3, 4, 5], [9, 10, 11]]

@@ -57,20 +57,16 @@ def sections_of(model: type[BaseModel], *, path: str = "") -> list[KeySection]:
 
 
 def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: str) -> Iterator[KeySection]:
-    keys, below = [], []
-    for name, field in model.model_fields.items():
-        inner = section_models(field.annotation)
-        if not inner:
-            keys.append(key_of(model, name))
-            continue
-        inside = f"{path}.{name}" if path else name
+    below = {name: section_models(field.annotation) for name, field in model.model_fields.items()}
+    keys = tuple(key_of(model, name) for name, inner in below.items() if not inner)
+    yield KeySection(path, repeated, model, _first_sentence(model), left_out, keys)
+    for name, inner in below.items():
+        field = model.model_fields[name]
         for one in inner:
             key, value = kind_of(one) if len(inner) > 1 else ("", "")
             words = f"for {key} = {toml_value(value)}" if key else _left_out(field)
-            below.append((one, inside, _is_list(field.annotation), words))
-    yield KeySection(path, repeated, model, _first_sentence(model), left_out, tuple(keys))
-    for one, inside, many, words in below:
-        yield from _sections(one, inside, repeated=many, left_out=words)
+            inside, many = f"{path}.{name}" if path else name, _is_list(field.annotation)
+            yield from _sections(one, inside, repeated=many, left_out=words)
 
 
 class _AsDeclared(GenerateJsonSchema):

@@ -1,11 +1,13 @@
 """Readings of a case's sensors in SI, out of the columns of their tables."""
 
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.recordings.axes import from_angles, platform_attitude
+from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.stream_sections import (
     AttitudeStream,
     DepthStream,
@@ -25,15 +27,18 @@ FASTEST_MPS = 20.0
 
 
 @singledispatch
-def stream_of(
-    section: SensorStream, time_ns: Times, values: Floats
-) -> Depths | Revolutions | Forces | Attitudes:
+def stream_of(section: SensorStream, time_ns: Times, values: Floats) -> Any:  # noqa: ANN401 - a stream of the sensor's
     """The readings of a sensor in SI, of the columns (n, k) of its table.
+
+    Without a function for its section the columns are the numbers of its reading, and stand in its fields.
 
     Raises:
         DataError: for values that cannot be.
     """
-    raise NotImplementedError(type(section).__name__)
+    sensor = next(one for one in SENSORS if isinstance(section, one.settings))
+    ends = np.cumsum([of.count or 1 for of in sensor.numbers])
+    parts = zip(sensor.numbers, np.split(values, ends[:-1], axis=1), strict=True)
+    return sensor.reading(time_ns, *(part if of.count else part[:, 0] for of, part in parts))
 
 
 @stream_of.register
