@@ -3,11 +3,7 @@
 import math
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
