@@ -9,7 +9,7 @@ import pytest
 from bottomlock import BeamGeometry
 from bottomlock.audit import defects
 from bottomlock.audit.logs import BeamLog, read_depths, read_inertial, read_log, read_reference
-from bottomlock.audit.run import audit_file, audit_log, converter_findings
+from bottomlock.audit.run import audit_file, audit_log
 from bottomlock.errors import DataError
 from tests.audit.synthetic import Array
 
@@ -22,7 +22,7 @@ def log(time_s: list[float], y: np.ndarray[tuple[int, int], np.dtype[np.float64]
 
 
 def test_times_that_repeat_go_back_and_jump() -> None:
-    found = {one.kind: one for one in defects.time_findings(log([0, 1, 2, 2, 3, 4, 3.5, 5, 6, 60, 61]))}
+    found = {one.kind: one for one in defects.times(log([0, 1, 2, 2, 3, 4, 3.5, 5, 6, 60, 61]))}
     assert set(found) == {"time_repeats", "time_goes_back", "time_gaps"}
     assert "row 3" in found["time_repeats"].evidence
     assert "row 6" in found["time_goes_back"].evidence
@@ -31,7 +31,7 @@ def test_times_that_repeat_go_back_and_jump() -> None:
 
 
 def test_even_times_are_not_named() -> None:
-    assert defects.time_findings(log([0.0, 0.2, 0.41, 0.6, 0.8])) == []
+    assert list(defects.times(log([0.0, 0.2, 0.41, 0.6, 0.8]))) == []
 
 
 def test_unchanged_pings() -> None:
@@ -39,7 +39,7 @@ def test_unchanged_pings() -> None:
     y = np.array(
         [[1, 2, 3, 4], [5, 6, 7, 8], [5, 6, 7, 8], [1, 1, 1, 1], [1, 1, 1, 2], [0, 0, 0, 0], [0, 0, 0, 0]]
     )
-    assert np.flatnonzero(defects.unchanged(log(list(range(7)), y.astype(float)))).tolist() == [2]
+    assert np.flatnonzero(log(list(range(7)), y.astype(float)).unchanged).tolist() == [2]
 
 
 def test_ranges_and_verdict() -> None:
@@ -52,9 +52,9 @@ def test_ranges_and_verdict() -> None:
         "hand", base.time_ns, base.velocity_mps, valid, reach, np.ones((6, 3)),
         np.array([True, False, True, True, True, True]),
     )  # fmt: skip
-    (no_range,) = defects.range_findings(told)
+    (no_range,) = defects.ranges(told)
     assert (no_range.beams, no_range.size) == ((2,), 1.0)
-    kinds = {one.kind: one for one in defects.instrument_flag_findings(told, np.zeros(6, dtype=bool))}
+    kinds = {one.kind: one for one in defects.instrument_flags(told)}
     assert set(kinds) == {"rejected_by_instrument", "velocity_without_beams"}
     assert "row 1" in kinds["rejected_by_instrument"].evidence
     assert "row 4" in kinds["velocity_without_beams"].evidence
@@ -63,8 +63,9 @@ def test_ranges_and_verdict() -> None:
 def test_account_of_the_reader_is_told() -> None:
     beside = {"records_read": 100, "skipped": {"bad checksum": {"count": 3, "first_byte": 77}}, "flagged": {}}
     one = BeamLog("hand", np.arange(3), np.ones((3, 4)), np.ones((3, 4), bool), beside=beside)
-    (found,) = converter_findings(one)
-    assert found.text == "3 of 100 records of the recording gave no row: bad checksum."
+    (found,) = defects.reader(one)
+    assert (found.kind, found.size, found.weight) == ("reader_skipped", 3.0, 0.03)
+    assert "bad checksum" in found.text
     assert "first_byte 77" in found.evidence
 
 

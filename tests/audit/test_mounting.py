@@ -5,10 +5,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bottomlock.audit.depth import depth_findings, depth_rate
-from bottomlock.audit.logs import Reference
-from bottomlock.audit.mounting import LIMITS, Mounting, find_mounting
-from bottomlock.audit.mounting_findings import mounting_findings
+from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.mounting import LIMITS, Mounting
+from bottomlock.audit.run import Audit, audit_log
 from bottomlock.recordings.streams import Depths, Inertial
 from tests.oracle import mounting as oracle
 from tests.oracle.rotations import Array
@@ -16,6 +15,19 @@ from tests.oracle.rotations import Array
 ANGLES = tuple(np.deg2rad([0.6, -0.4, 1.5]))
 ARM = np.array([-1.2, 0.3, 0.4])
 SCALE, OFFSET_S, SD_MPS, GRAVITY_MPS2 = 0.01, 0.35, 0.004, 9.81
+
+
+def alone(time_s: Array, velocity_mps: Array) -> BeamLog:
+    """A log of the instrument's velocity."""
+    none = np.zeros((len(time_s), 0))
+    time_ns = np.round(time_s * 1e9).astype(np.int64)
+    return BeamLog("alone", time_ns, none, none.astype(bool), None, velocity_mps)
+
+
+def mounting_of(audit: Audit) -> Mounting:
+    """What was estimated."""
+    assert audit.mounting is not None
+    return audit.mounting
 
 
 @lru_cache
@@ -41,20 +53,15 @@ def readings(lively: float) -> tuple[Array, Array]:
     return own, np.array(reads)
 
 
-def plant(seed: int, *, lively: float = 1.0, with_velocity: bool, flip: bool = False) -> Mounting:
+def plant(seed: int, *, lively: float = 1.0, with_velocity: bool, flip: bool = False) -> Audit:
     """The DVL with noise, and what stands beside it."""
     t, rpy, velocity, force, rate = streams(lively)
     rng = np.random.default_rng(seed)
     own, clean = readings(lively)
     reads = (clean + SD_MPS * rng.normal(size=clean.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
     fine_ns = (np.arange(len(force)) * 20_000_000).astype(np.int64)
-    found = find_mounting(
-        np.round(own * 1e9).astype(np.int64), reads,
-        Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity if with_velocity else None),
-        Inertial(fine_ns, force, rate),
-    )  # fmt: skip
-    assert found is not None
-    return found
+    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity if with_velocity else None)
+    return audit_log(alone(own, reads), reference=reference, imu=Inertial(fine_ns, force, rate))
 
 
 def misses(found: Mounting) -> Array:
@@ -75,26 +82,28 @@ def test_deviations_are_consistent(logs: int) -> None:
 
     For 32 independent errors the mean square has a deviation of 0.25: four of them to the upper limit.
     """
-    off = np.array([misses(plant(seed, with_velocity=True)) for seed in range(logs)])
+    off = np.array([misses(mounting_of(plant(seed, with_velocity=True))) for seed in range(logs)])
     assert 0.5 < float(np.mean(off**2)) < 2.0
 
 
 @pytest.mark.long
 def test_a_straight_course_shows_no_lever_arm() -> None:
     """Without turns ω × l is nothing, and roll about the course turns nothing into anything."""
-    found = plant(2, lively=0.0, with_velocity=True)
+    audit = plant(2, lively=0.0, with_velocity=True)
+    found = mounting_of(audit)
     assert (found.lever_arm_sd_m > LIMITS["lever_arm_m"]).all()
     assert found.misalignment_sd_rad[0] > LIMITS["misalignment_rad"]
-    text = " ".join(one.text for one in mounting_findings(found))
+    text = " ".join(one.text for one in audit.findings)
     for what in ("The lever arm", "Misalignment about x (roll)", "The clock offset"):
         assert f"{what} is not observable in this log." in text or not found.follows
-    assert "lever arm of the DVL from" not in text
+    assert "lever_arm" not in {one.kind for one in audit.findings}
 
 
 def test_a_left_handed_frame() -> None:
-    found = plant(3, with_velocity=True, flip=True)
+    audit = plant(3, with_velocity=True, flip=True)
+    found = mounting_of(audit)
     assert found.mirrored
-    assert "left_handed" in {one.kind for one in mounting_findings(found)}
+    assert "left_handed" in {one.kind for one in audit.findings}
     np.testing.assert_allclose(found.lever_arm_p_m, ARM, atol=0.05)
 
 
@@ -104,15 +113,13 @@ def test_imu_with_an_axis_turned_round() -> None:
     own = np.arange(2.0, 295.0, 0.5)
     reads = np.array([oracle.dvl_reads(s, 1.0, mounted=np.eye(3), arm=np.zeros(3), scale=0.0) for s in own])
     flip = np.array([1.0, -1.0, 1.0])
-    found = find_mounting(
-        np.round(own * 1e9).astype(np.int64), reads,
-        Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity),
-        Inertial((np.arange(len(force)) * 20_000_000).astype(np.int64), force * flip, rate * flip),
-    )  # fmt: skip
-    assert found is not None
-    (named,) = (one for one in mounting_findings(found) if one.kind == "imu_axes")
-    assert named.text == "The IMU's y axis is opposite to the attitude's: its frame is left-handed."
-    assert np.abs(found.lever_arm_p_m).max() < 0.05
+    imu = Inertial((np.arange(len(force)) * 20_000_000).astype(np.int64), force * flip, rate * flip)
+    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity)
+    audit = audit_log(alone(own, reads), reference=reference, imu=imu)
+    (named,) = (one for one in audit.findings if one.kind == "imu_axes")
+    assert named.size == 1.0
+    assert "y (its frame is left-handed)" in named.text
+    assert np.abs(mounting_of(audit).lever_arm_p_m).max() < 0.05
 
 
 @pytest.mark.parametrize(("up", "kind"), [(False, set()), (True, {"z_points_up"})])
@@ -123,14 +130,12 @@ def test_depth_tells_which_way_z_points(up: bool, kind: set[str]) -> None:
     time_ns = np.round(t * 1e9).astype(np.int64)
     velocity = np.stack([np.full_like(t, 0.5), 0.0 * t, -w if up else w], axis=1)
     velocity += 0.01 * np.random.default_rng(1).normal(size=velocity.shape)
-    assert {
-        one.kind for one in depth_findings(depth_rate(time_ns, velocity, Depths(time_ns, depth), None))
-    } == kind
+    assert {one.kind for one in audit_log(alone(t, velocity), depths=Depths(time_ns, depth)).findings} == kind
 
 
 def steady(
     seed: int, *, yaw_deg: float = 0.0, arm_m: float = 0.0, scale: float = 0.0, delay_s: float = 0.0
-) -> Mounting:
+) -> Audit:
     """A vehicle at 2 m/s that turns by 90 degrees every minute, with white noise of the reference."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 400.0, 0.2)
@@ -153,20 +158,18 @@ def steady(
     moved = surge_and_sway(own + delay_s) + np.stack([0.0 * own, rate * arm_m, 0.0 * own], axis=1)
     reads = (1.0 + scale) * moved @ oracle.turn(0.0, 0.0, np.deg2rad(yaw_deg))
     reads += 0.02 * rng.normal(size=reads.shape)
-    found = find_mounting(
-        np.round(own * 1e9).astype(np.int64), reads,
-        Reference(np.round(t * 1e9).astype(np.int64), rpy + 5e-4 * rng.normal(size=rpy.shape), velocity), None,
-    )  # fmt: skip
-    assert found is not None
-    return found
+    noisy = rpy + 5e-4 * rng.normal(size=rpy.shape)
+    reference = Reference(np.round(t * 1e9).astype(np.int64), noisy, velocity)
+    return audit_log(alone(own, reads), reference=reference)
 
 
 @pytest.mark.first_cases(1)
 @pytest.mark.parametrize("seed", range(40, 44))
 def test_a_steady_course_with_turns(seed: int) -> None:
     """The speed is constant, but yaw, scale and lever arm are told with their deviations; nothing else is."""
-    found = steady(seed, yaw_deg=4.0, arm_m=1.0, scale=0.02, delay_s=0.2)
-    kinds = {one.kind for one in mounting_findings(found) if one.severity != "note"}
+    audit = steady(seed, yaw_deg=4.0, arm_m=1.0, scale=0.02, delay_s=0.2)
+    found = mounting_of(audit)
+    kinds = {one.kind for one in audit.findings if one.severity != "note"}
     assert {"misalignment", "lever_arm", "velocity_scale"} <= kinds <= {
         "misalignment", "lever_arm", "velocity_scale", "clock_offset"
     }  # fmt: skip
@@ -183,4 +186,4 @@ def test_a_steady_course_with_turns(seed: int) -> None:
 @pytest.mark.first_cases(1)
 @pytest.mark.parametrize("seed", range(50, 54))
 def test_a_steady_course_with_nothing_planted(seed: int) -> None:
-    assert {one.severity for one in mounting_findings(steady(seed))} <= {"note"}
+    assert {one.severity for one in steady(seed).findings} <= {"note"}

@@ -1,5 +1,6 @@
 """Audit of a recorded log: geometry, closure, defects and mounting of the DVL, as ranked findings.
 
-`logs` reads, `robust` fits, `matrix`, `closure`, `beam_order`, `defects`, `depth` and `mounting` estimate or test one
-thing each, the `*_findings` modules turn results into findings, `run` runs all, `figures` and `page` show the result.
+`logs` reads; `robust`, `matrix`, `closure`, `beam_order`, `beams`, `depth`, `water` and `mounting` estimate; `context`
+holds a log with its estimates; `defects` and `beside` check, `checks` has the list of all; `findings` has a template a
+kind; `run` runs all, `page` and `geometry_file` write the result.
 """

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.robust import Array, sigma
+from bottomlock.audit.robust import Array
 
 NEAR_RAD = np.deg2rad(15.0)
 """A beam within this of a stated one is that beam with a wrong tilt; two beams within it are parallel."""
@@ -24,6 +24,11 @@ class Match:
     sign: NDArray[np.int64]
     off_rad: Array
     rotation: Rotation
+
+    @property
+    def changes(self) -> int:
+        """Channels with another beam than stated, and those of the opposite sign."""
+        return int(np.sum(self.beam != np.arange(len(self.beam))) + np.sum(self.sign < 0))
 
 
 def match(found: Array, stated: Array) -> Match:
@@ -44,11 +49,7 @@ def match(found: Array, stated: Array) -> Match:
     # Of equal fits (a Janus fits after every quarter turn) the one with the fewest changes and the least rotation.
     best = min(
         tried,
-        key=lambda one: (
-            round(float(one.off_rad.max()), 2),
-            int(np.sum(one.beam != np.arange(len(found)))) + int(np.sum(one.sign < 0)),
-            one.rotation.magnitude(),
-        ),
+        key=lambda one: (round(float(one.off_rad.max()), 2), one.changes, one.rotation.magnitude()),
     )
     if best.off_rad.max() > 0.5 * plain.off_rad.max():
         return plain
@@ -70,37 +71,3 @@ def _assign(found: Array, stated: Array, rotation: Rotation) -> Match:
     order = np.where(copy, nearest, order)
     sign = np.where(cosine[rows, order] < 0.0, -1, 1)
     return Match(order, sign, angle[rows, order], rotation)
-
-
-@dataclass(frozen=True, eq=False)
-class Combination:
-    """The combination of beams with the least spread: weights (beams,), m/s for the spreads.
-
-    `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
-    """
-
-    weights: Array
-    spread_mps: float
-    next_mps: float
-
-
-def closing_combination(readings_mps: Array) -> Combination:
-    """The direction of least spread of readings (n, beams): the null space of the unknown geometry.
-
-    Unequally noisy beams shift the weights towards the quieter ones. The spread is about zero, since a closure without
-    bias is zero; outliers are weighted down.
-    """
-    weights = np.ones(len(readings_mps))
-    for _ in range(20):
-        values, vectors = np.linalg.eigh((readings_mps * weights[:, None]).T @ readings_mps / weights.sum())
-        least = readings_mps @ vectors[:, 0]
-        update = 1.0 / np.maximum(np.abs(least) / (2.0 * max(sigma(least), 1e-9)), 1.0) ** 2
-        if np.max(np.abs(update - weights)) < 1e-6:
-            break
-        weights = update
-    first = vectors[:, 0]
-    largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
-    following = sigma(readings_mps @ vectors[:, 1])
-    return Combination(
-        first / first[largest], sigma(readings_mps @ first), max(following, float(np.sqrt(values[1])))
-    )

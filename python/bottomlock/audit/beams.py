@@ -1,29 +1,62 @@
-"""Assessment of the beams of a log: matrix, order and signs, and single beams off their direction."""
+"""Assessment of the beams of a log: matrix, order and signs, closures, and single beams off their direction."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.beam_findings import (
-    bias_findings,
-    closure_findings,
-    combination_findings,
-    match_findings,
-    order_findings,
-    parallel_beams,
-    scale_findings,
-    self_findings,
-    slope_findings,
-    tilt_findings,
-    unobservable_findings,
+from bottomlock.audit.beam_order import NEAR_RAD, Match, match
+from bottomlock.audit.closure import (
+    Closure,
+    Combination,
+    Slope,
+    closing_combination,
+    closure_of,
+    closure_slope,
+    null_space,
+    null_space_cov,
 )
-from bottomlock.audit.beam_order import Match, match
-from bottomlock.audit.closure import Closure, Slope, closure_of, closure_slope, null_space, null_space_cov
+from bottomlock.audit.findings import MATERIAL_MPS
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix
-from bottomlock.audit.robust import Array
-from bottomlock.recordings.finding import Finding
+from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix, line_angle
+from bottomlock.audit.robust import Array, sigmas_for
+from bottomlock.recordings.closure import Order, closure_sd, orders_by_closure
+
+BETTER, FAR_BETTER = 0.5, 0.2
+"""An order is considered whose closure is smaller than this of the stated one's; of a matrix by regression, than this.
+
+A fault of one channel in the record alone shows in every row of such a matrix, and another order may halve its closure.
+"""
+ROUNDING_MPS = 1e-9
+"""Beams that close as well as this close exactly: no other order closes better."""
+
+Pairs = tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Reordered:
+    """Orders in which the beams close far better than as stated.
+
+    A wrong order gives a steady course a constant closure, as a bias in the stated order does: where the closure of the
+    stated order scatters about its median as little as the best closes, the two cannot be told apart.
+
+    Attributes:
+        orders: the simplest of those that close best.
+        plain_mps, scatter_mps: closure as stated, about zero and about its median.
+        or_bias: a bias explains it as well.
+    """
+
+    orders: list[Order]
+    plain_mps: float
+    scatter_mps: float
+    or_bias: bool
+
+    @property
+    def moved(self) -> list[int]:
+        """Channels of any of the orders with another beam or sign than stated."""
+        changed = (set(one.moved) | {k for k, s in enumerate(one.sign) if s < 0} for one in self.orders)
+        return sorted(set().union(*changed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,27 +65,63 @@ class BeamAssessment:
 
     Attributes:
         full: (n,) pings used: every beam valid, not stale, no zero of a beam that reads zero when lost.
+        solved: number of them with the instrument's velocity.
         matrix: the beam matrix by regression against the instrument's velocity, or None.
+        seen: it is observable.
         match: its match with the stated geometry, or None.
+        parallel: pairs of its channels with different numbers but parallel (or antiparallel) directions.
         rows: (beams, 3) geometry used for the closure, in the order and with the signs of the log; or None.
         closures: statistics, one for each combination in the null space; empty for three beams.
         slope: of the first closure on the velocity, or None.
-        ambiguous: another order explains the closure as simply as that of `rows`.
-        findings: unranked.
+        reordered: orders other than stated, or None.
+        combination: how beams close of which nothing is known, or None.
+        bias_mps, bias_sd_mps: (beams,) against the instrument's velocity; empty where none shows.
     """
 
     full: NDArray[np.bool_]
+    solved: int = 0
     matrix: Matrix | None = None
+    seen: bool = False
     match: Match | None = None
+    parallel: Pairs = ()
     rows: Array | None = None
     closures: list[Closure] = field(default_factory=list)
     slope: Slope | None = None
-    ambiguous: bool = False
-    findings: list[Finding] = field(default_factory=list)
+    reordered: Reordered | None = None
+    combination: Combination | None = None
+    bias_mps: Array = field(default_factory=lambda: np.zeros(0))
+    bias_sd_mps: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def ambiguous(self) -> bool:
+        """Another order explains the closure as simply as that of `rows`."""
+        return self.reordered is not None and (self.reordered.or_bias or len(self.reordered.orders) > 1)
+
+    @property
+    def biased(self) -> list[int]:
+        """Beams with a bias against the instrument's velocity."""
+        if self.matrix is None:
+            return []
+        limit = np.maximum(MATERIAL_MPS, sigmas_for(self.matrix.blocks) * self.bias_sd_mps)
+        return [int(k) for k in np.flatnonzero(np.abs(self.bias_mps) > limit)]
+
+    @property
+    def doubtful(self) -> bool:
+        """The order may be wrong, or a beam biased; a bias that the instrument's velocity shows leaves no doubt."""
+        return self.reordered is not None and self.reordered.or_bias and not self.biased
+
+    @property
+    def explained(self) -> bool:
+        """The median of the closures is no further finding: a named bias is named once, and a slope gives a median.
+
+        Fitted weights leave a part of the velocity in the closure as well.
+        """
+        depends = self.slope is not None and self.slope.material
+        return depends or bool(self.biased) or self.doubtful or self.combination is not None
 
 
 def assess_beams(
-    log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: list[tuple[int, ...]]
+    log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: Pairs = ()
 ) -> BeamAssessment:
     """Assesses the beams of a log: directions, order, signs, tilt, scale, bias and closure.
 
@@ -60,75 +129,79 @@ def assess_beams(
         log: the pings.
         full: (n,) pings to use.
         stated: (beams, 3) stated directions in the frame of the instrument's velocity, or None.
-        copies: pairs of channels (numbers from 1) found before to hold the same numbers.
+        copies: pairs of channels found before to hold the same numbers.
     """
-    found = _against_velocity(log, full, stated, copies)
-    identical = bool(copies) or any(one.kind == "identical_beams" for one in found.findings)
-    if full.sum() < LEAST_PINGS or identical:
-        return found
-    readings = log.velocity_mps[full]
-    if found.rows is None:
-        notes, closures = combination_findings(readings)
-        return replace(found, closures=closures, findings=found.findings + notes)
-    if log.beams >= 4:
-        regressed = found.matrix is not None and found.rows is found.matrix.rows
-        notes, rows, ambiguous = order_findings(readings, found.rows, regressed=regressed)
-        found = replace(found, rows=rows, ambiguous=ambiguous, findings=found.findings + notes)
-    return _with_closures(found, readings)
-
-
-def _against_velocity(
-    log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: list[tuple[int, ...]]
-) -> BeamAssessment:
-    """The beam matrix against the instrument's velocity, and its match with the stated geometry."""
-    matrix: Matrix | None = None
-    solved = full & log.solved
+    solved, matrix = full & log.solved, None
     if log.instrument_mps is not None and log.own_frame and log.beams >= 3:
         matrix = find_matrix(log.velocity_mps[solved], log.instrument_mps[solved])
-    if matrix is None or not matrix.observable.all():
-        rows = None if stated is None else np.array(stated)
-        findings = unobservable_findings(log, matrix, int(solved.sum()))
-        return BeamAssessment(full, matrix, rows=rows, findings=findings)
-    if stated is None:
-        findings = self_findings(matrix, copies) + scale_findings(matrix)
-        return BeamAssessment(full, matrix, rows=matrix.rows, findings=findings)
-    matched = match(matrix.directions, stated)
-    findings = match_findings(matrix, matched, copies)
-    findings += tilt_findings(matrix, matched, stated, parallel_beams(findings, copies))
-    findings += scale_findings(matrix, np.linalg.norm(stated[matched.beam], axis=1))
-    return BeamAssessment(full, matrix, matched, matrix.rows, findings=findings)
+    seen = matrix is not None and bool(matrix.observable.all())
+    rows, matched, parallel = stated, None, []
+    if seen and matrix is not None:
+        rows, u = matrix.rows, matrix.directions
+        matched = None if stated is None else match(u, stated)
+        pairs = itertools.combinations(range(log.beams), 2)
+        parallel = [(i, j) for i, j in pairs if (i, j) not in copies and line_angle(u[i], u[j]) < NEAR_RAD]
+    found = BeamAssessment(full, int(solved.sum()), matrix, seen, matched, tuple(parallel), rows)
+    readings = log.velocity_mps[full]
+    if len(readings) < LEAST_PINGS or copies or parallel:
+        return found
+    if rows is None:
+        best = closing_combination(readings) if log.beams >= 4 else None
+        closures = [closure_of(best.weights, readings)] if best is not None and best.clear else []
+        return replace(found, closures=closures, combination=best)
+    reordered = find_order(readings, rows, FAR_BETTER if seen else BETTER) if log.beams >= 4 else None
+    if reordered is not None and not reordered.or_bias:
+        one = reordered.orders[0]
+        rows = np.array(one.sign)[:, None] * rows[list(one.beam)]
+    return _with_closures(replace(found, rows=rows, reordered=reordered), readings)
+
+
+def find_order(readings_mps: Array, rows: Array, better: float = BETTER) -> Reordered | None:
+    """The simplest orders in which readings (n, beams) close far better than in that of rows (beams, 3), if any."""
+    orders = orders_by_closure(readings_mps, rows)
+    plain, best = next(one for one in orders if one.steps == 0), orders[0]
+    if best.closure_mps > better * plain.closure_mps or plain.closure_mps < ROUNDING_MPS:
+        return None
+    equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
+    simple = [one for one in equal if one.steps == min(other.steps for other in equal)]
+    scatter = closure_sd(rows, readings_mps, biased=True)
+    return Reordered(simple, plain.closure_mps, scatter, BETTER * scatter < best.closure_mps)
+
+
+def _biases(matrix: Matrix, closures: list[Closure]) -> tuple[Array, Array]:
+    """Biases of the beams (beams,) against the instrument's own velocity and their 1 sigma; empty where none shows.
+
+    The regression observes the biases that act like a velocity, the closure the rest. A bias that the instrument has
+    included in its velocity is observed by the closure alone.
+    """
+    limit = np.maximum(MATERIAL_MPS, sigmas_for(matrix.blocks) * matrix.bias_sd_mps)
+    if not (np.abs(matrix.bias_mps) > limit).any():
+        return np.zeros(0), np.zeros(0)
+    bias, variance = matrix.bias_mps.copy(), matrix.bias_sd_mps**2
+    # A regression of the readings holds the whole bias; one of the velocity lacks the part in the closure.
+    for one in closures if matrix.regression == READINGS_TO_VELOCITY else []:
+        share = one.weights / float(one.weights @ one.weights)
+        bias += share * one.median_mps
+        variance = variance + (share * one.median_sd_mps) ** 2
+    return bias, np.sqrt(variance)
 
 
 def _with_closures(found: BeamAssessment, readings: Array) -> BeamAssessment:
-    """Closure statistics, the slope of the first closure on the velocity, and biases, with their findings."""
+    """Closure statistics, biases, and the slope of the first closure on the velocity."""
     rows, matrix = found.rows, found.matrix
     assert rows is not None
-    exact = matrix is not None and matrix.regression == READINGS_TO_VELOCITY
-    against = matrix is not None and bool(matrix.observable.all())
-    weights = null_space(rows)
-    closures = [closure_of(column, readings) for column in weights.T]
-    if matrix is not None and rows is matrix.rows:
-        middle = np.linalg.pinv(rows) @ np.median(readings, axis=0)
-        closures = [
-            one.with_rows_uncertain(middle, null_space_cov(rows, matrix.resampled, one.weights))
-            for one in closures
-        ]
-    slope: Slope | None = None
-    biases = bias_findings(matrix, closures) if matrix is not None and against else []
-    # A bias that the instrument's velocity shows leaves no doubt of the order.
-    findings = [one for one in found.findings if not (biases and one.kind == "order_or_bias")]
-    doubtful = any(one.kind == "order_or_bias" for one in findings)
-    dependence: list[Finding] = []
+    weights = null_space(rows).T
+    regressed = matrix is not None and rows is matrix.rows
+    covs = [null_space_cov(rows, matrix.resampled, one) for one in weights] if matrix and regressed else []
+    middle = np.linalg.pinv(rows) @ np.median(readings, axis=0)
+    added = [float(np.sqrt(middle @ cov @ middle)) for cov in covs] or [0.0] * len(weights)
+    closures = [closure_of(*one) for one in zip(weights, [readings] * len(weights), added, strict=True)]
+    bias, sd = _biases(matrix, closures) if matrix is not None and found.seen else (np.zeros(0), np.zeros(0))
+    found = replace(found, closures=closures, bias_mps=bias, bias_sd_mps=sd)
     # Rows from a regression on the velocity leave no part of the closure that follows it.
-    if closures and not doubtful and not (matrix is not None and rows is matrix.rows and not exact):
-        velocity = readings @ np.linalg.pinv(rows).T
-        slope = closure_slope(closures[0].values_mps, velocity, np.flatnonzero(found.full))
-        if slope is not None and matrix is not None and rows is matrix.rows:
-            slope = slope.with_rows_uncertain(null_space_cov(rows, matrix.resampled, weights[:, 0]))
-        if slope is not None:
-            dependence = slope_findings(slope, velocity)
-    findings += dependence + biases
-    for closure in closures:
-        # The median of a closure that depends on the velocity is no bias, and a named bias is named once.
-        findings += closure_findings(closure, unbiased=bool(dependence or biases) or doubtful)
-    return replace(found, closures=closures, slope=slope, findings=findings)
+    follows = not regressed or (matrix is not None and matrix.regression == READINGS_TO_VELOCITY)
+    if not closures or found.doubtful or not follows:
+        return found
+    velocity = readings @ np.linalg.pinv(rows).T
+    values, pings = closures[0].values_mps, np.flatnonzero(found.full)
+    return replace(found, slope=closure_slope(values, velocity, pings, covs[0] if covs else 0.0))

@@ -10,23 +10,21 @@ tilt against azimuth). Of the 24 orders of four Janus beams it distinguishes 3 c
 one combination.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f, norm
+from scipy.stats import binom, f, norm
 
-from bottomlock.audit.robust import (
-    LEAST_BLOCKS,
-    Array,
-    fit_linear,
-    resolution,
-    sigma,
-)
+from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_SCALE, SIGNIFICANCE
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, resolution, sigmas_for
 from bottomlock.recordings.closure import closure_rows
-from bottomlock.recordings.robust import blocks_of, correlation_rows
+from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_median
 
-GAUSSIAN_BEYOND_3 = float(2.0 * norm.sf(3.0))
+HEAVY_FRACTION = 0.01
+"""Tails are heavy where a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
+CLEARER = 2.0
+"""A combination of readings is named where the next best spreads as many times more."""
 
 
 def null_space(rows: Array) -> Array:
@@ -72,41 +70,56 @@ class Closure:
         """Noise of one beam, m/s, 1 sigma, if all beams are equally noisy."""
         return self.sigma_mps / float(np.linalg.norm(self.weights))
 
-    def with_rows_uncertain(self, velocity_mps: Array, cov: Array) -> "Closure":
-        """The same where the rows are uncertain: covariance (3, 3) of the closure's slope on the velocity (3,)."""
-        added = float(velocity_mps @ cov @ velocity_mps)
-        return replace(self, median_sd_mps=float(np.hypot(self.median_sd_mps, np.sqrt(added))))
+    @property
+    def biased(self) -> bool:
+        """The median is no zero."""
+        return abs(self.median_mps) > max(MATERIAL_MPS, sigmas_for(self.blocks) * self.median_sd_mps)
+
+    @property
+    def heavy(self) -> bool:
+        """Gaussian noise hardly has as many pings beyond three robust sigmas.
+
+        Correlated pings are worth fewer, and the robust sigma is itself known to 1.17 / √n only: the mean over its
+        errors.
+        """
+        worth = max(self.independent, 2.0)
+        error = np.linspace(-6.0, 6.0, 121)
+        beyond = 2.0 * norm.sf(3.0 * np.maximum(1.0 + error * 1.17 / np.sqrt(worth), 0.0))
+        tails = binom.sf(round(self.beyond_3_sigma * worth) - 1, round(worth), np.minimum(beyond, 1.0))
+        chance = float(np.average(tails, weights=norm.pdf(error)))
+        return self.beyond_3_sigma > HEAVY_FRACTION and chance < SIGNIFICANCE
 
 
-def closure_of(weights: Array, readings_mps: Array) -> Closure:
-    """Statistics of the combination `weights` (beams,) over readings (n, beams) of full pings."""
+def closure_of(weights: Array, readings_mps: Array, added_sd_mps: float = 0.0) -> Closure:
+    """Statistics of the combination `weights` (beams,) over readings (n, beams) of full pings.
+
+    Args:
+        weights, readings_mps: as said.
+        added_sd_mps: 1 sigma of the median by uncertain weights.
+    """
     values = readings_mps @ weights
     size = np.abs(values)
-    spread, middle = sigma(values), float(np.median(values))
+    spread, middle = float(sd_about_median(values)), float(np.median(values))
     # The median of rounded values may be one step off, and three sigmas with it.
     coarse = 2.0 * max(resolution(column) for column in readings_mps.T)
-    lasting = correlation_rows(np.sign(values - middle))
-    member = blocks_of(len(values), max(lasting, 2.0))
+    member = blocks_of(len(values), max(correlation_rows(np.sign(values - middle)), 2.0))
     count = int(member[-1]) + 1
-    blocks = np.split(values, np.searchsorted(member, np.arange(1, count)))
     # Medians of consecutive blocks: noise that is correlated over several pings widens their spread as it should.
-    claimed = count >= LEAST_BLOCKS
-    spread_of_blocks = float(np.std([np.median(block) for block in blocks], ddof=1)) if claimed else np.inf
-    middle_sd = 1.2533 * spread_of_blocks / np.sqrt(count)
-    beyond = np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse
+    medians = [np.median(values[member == block]) for block in range(count)]
+    middle_sd = 1.2533 * float(np.std(medians, ddof=1)) / np.sqrt(count) if count >= LEAST_BLOCKS else np.inf
     return Closure(
         weights=weights,
         values_mps=values,
         pings=len(values),
         median_mps=middle,
-        median_sd_mps=middle_sd,
+        median_sd_mps=float(np.hypot(middle_sd, added_sd_mps)),
         median_abs_mps=float(np.median(size)),
         sigma_mps=spread,
-        white_sigma_mps=sigma(np.diff(values)) / np.sqrt(2.0),
+        white_sigma_mps=float(sd_about_median(np.diff(values))) / np.sqrt(2.0),
         p95_mps=float(np.quantile(size, 0.95)),
         p99_mps=float(np.quantile(size, 0.99)),
         max_mps=float(size.max()),
-        beyond_3_sigma=float(np.mean(beyond)),
+        beyond_3_sigma=float(np.mean(np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse)),
         blocks=count,
         independent=len(values) / _lasting_size(values - middle),
     )
@@ -136,45 +149,31 @@ class Slope:
         pings: number of pings used.
         lag: pings between a ping and the neighbours that serve as instrumental variable.
         blocks: independent blocks behind the covariance.
-        reduced: (3,) coefficients of the closure on the instrumental variable itself.
-        reduced_cov: (3, 3) their covariance.
-        first: (3, 3) coefficients of the velocity on the instrumental variable: `reduced` = `first` × `slope`.
+        p_value: probability of a closure that depends so much on the velocity with the assumed beam matrix.
+        effect_mps: RMS of the closure by the slope.
     """
 
     slope: Array
     cov: Array
     pings: int
-    lag: int = 1
-    blocks: int = 50
-    reduced: Array | None = None
-    reduced_cov: Array | None = None
-    first: Array | None = None
+    lag: int
+    blocks: int
+    p_value: float
+    effect_mps: float
 
     @property
-    def p_value(self) -> float:
-        """Probability of a closure that depends so much on the velocity with the assumed beam matrix.
+    def material(self) -> bool:
+        """Significant, and of a size that matters.
 
-        Hotelling's T² over blocks of pings, of the coefficients on the instrumental variable: right however weakly that
-        follows the velocity (Anderson and Rubin 1949).
+        A beam of full weight that is off by a direction or a scale, rad or relative, gives a slope of that size.
         """
-        free = self.blocks - 1
-        if self.blocks < LEAST_BLOCKS:
-            return 1.0
-        values = self.slope if self.reduced is None else self.reduced
-        cov = self.cov if self.reduced_cov is None else self.reduced_cov
-        return float(f.sf(values @ np.linalg.solve(cov, values) * (free - 2) / (3 * free), 3, free - 2))
-
-    def with_rows_uncertain(self, cov: Array) -> "Slope":
-        """The same slope with the covariance (3, 3) that uncertain beam rows give it."""
-        reduced = self.reduced_cov
-        if reduced is not None and self.first is not None:
-            reduced = reduced + self.first @ cov @ self.first.T
-        return replace(self, cov=self.cov + cov, reduced_cov=reduced)
+        large = np.linalg.norm(self.slope) >= MATERIAL_SCALE and self.effect_mps >= MATERIAL_MPS
+        return bool(large and self.p_value <= SIGNIFICANCE)
 
 
 def _lag_of(noise: Array) -> int:
     """Least lag, in rows, from which on the noise (n,) is uncorrelated: below two deviations of white noise."""
-    spread = max(sigma(noise), 1e-12)
+    spread = max(float(sd_about_median(noise)), 1e-12)
     clipped = np.clip((noise - np.median(noise)) / spread, -3.0, 3.0)
     power = float(clipped @ clipped)
     for lag in range(1, min(100, len(noise) // 8)):
@@ -183,37 +182,43 @@ def _lag_of(noise: Array) -> int:
     return min(100, max(1, len(noise) // 8))
 
 
-def closure_slope(values_mps: Array, velocity_mps: Array, row: NDArray[np.int64]) -> Slope | None:
+def closure_slope(
+    values_mps: Array, velocity_mps: Array, row: NDArray[np.int64], rows_cov: Array | float = 0.0
+) -> Slope | None:
     """Slope of the closure (n,) on the velocity (n, 3) of full pings at rows (n,) of the log; None from too few pings.
 
     The velocity of the same ping has the noise of the same beams, which correlates with the closure where one beam is
     noisier than another. The mean of two pings before and after shares the motion but not the noise: it is the
     instrumental variable of a two-stage fit. The two are as far away as the noise of consecutive pings is correlated.
+
+    The p-value is that of Hotelling's T² over blocks of pings, of the coefficients on the instrumental variable: right
+    however weakly that follows the velocity (Anderson and Rubin 1949).
+
+    Args:
+        values_mps, velocity_mps, row: as said.
+        rows_cov: (3, 3) covariance that uncertain beam rows give the slope.
     """
-    ones = np.ones((len(row), 1))
-    lag = _lag_of(fit_linear(np.hstack([velocity_mps, ones]), values_mps).residuals)
+    one = np.ones((len(row), 1))
+    lag = _lag_of(fit_linear(np.hstack([velocity_mps, one]), values_mps).residuals)
     place = np.full(int(row[-1]) + 1 + lag, -1)
     place[row] = np.arange(len(row))
     before, after = np.where(row >= lag, place[row - lag], -1), place[row + lag]
     inner = np.flatnonzero((before >= 0) & (after >= 0))
     if inner.size < 100:
         return None
-    one = np.ones((inner.size, 1))
+    one = one[: inner.size]
     beside = np.hstack([0.5 * (velocity_mps[before[inner]] + velocity_mps[after[inner]]), one])
     velocity = np.hstack([velocity_mps[inner], one])
-    fit = fit_linear(velocity, values_mps[inner], beside)
-    reduced = fit_linear(beside, values_mps[inner])
+    fit, reduced = fit_linear(velocity, values_mps[inner], beside), fit_linear(beside, values_mps[inner])
     tiny = 1e-18 * np.eye(3)
-    return Slope(
-        fit.parameters[:3],
-        np.atleast_2d(np.cov(fit.resampled[:, :3], rowvar=False)) + tiny,
-        inner.size,
-        lag,
-        min(fit.blocks, reduced.blocks),
-        reduced.parameters[:3],
-        np.atleast_2d(np.cov(reduced.resampled[:, :3], rowvar=False)) + tiny,
-        np.linalg.lstsq(beside, velocity, rcond=None)[0][:3, :3],
-    )
+    cov, reduced_cov = (np.cov(of.resampled[:, :3], rowvar=False) + tiny for of in (fit, reduced))
+    first = np.linalg.lstsq(beside, velocity, rcond=None)[0][:3, :3]
+    reduced_cov = reduced_cov + first @ (rows_cov * np.ones((3, 3))) @ first.T
+    slope, shown, blocks = fit.parameters[:3], reduced.parameters[:3], min(fit.blocks, reduced.blocks)
+    squared, free = float(shown @ np.linalg.solve(reduced_cov, shown)), blocks - 1
+    p_value = float(f.sf(squared * (free - 2) / (3 * free), 3, free - 2)) if blocks >= LEAST_BLOCKS else 1.0
+    effect = float(np.sqrt(slope @ np.cov(velocity_mps, rowvar=False) @ slope))
+    return Slope(slope, cov + rows_cov, inner.size, lag, blocks, p_value, effect)
 
 
 def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
@@ -227,3 +232,41 @@ def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
         k = int(np.argmax(np.abs(weights @ n)))
         slopes.append((n[:, k] * (weights @ weights) / (weights @ n[:, k])) @ rows)
     return np.atleast_2d(np.cov(np.array(slopes), rowvar=False))
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """The combination of beams with the least spread: weights (beams,), m/s for the spreads.
+
+    `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
+    """
+
+    weights: Array
+    spread_mps: float
+    next_mps: float
+
+    @property
+    def clear(self) -> bool:
+        """It closes clearly better than the others."""
+        return self.next_mps > max(MATERIAL_MPS, CLEARER * self.spread_mps)
+
+
+def closing_combination(readings_mps: Array) -> Combination:
+    """The direction of least spread of readings (n, beams): the null space of the unknown geometry.
+
+    Unequally noisy beams shift the weights towards the quieter ones. The spread is about zero, since a closure without
+    bias is zero; outliers are weighted down.
+    """
+    weights = np.ones(len(readings_mps))
+    for _ in range(20):
+        values, vectors = np.linalg.eigh((readings_mps * weights[:, None]).T @ readings_mps / weights.sum())
+        least = readings_mps @ vectors[:, 0]
+        spread = max(float(sd_about_median(least)), 1e-9)
+        before, weights = weights, 1.0 / np.maximum(np.abs(least) / (2.0 * spread), 1.0) ** 2
+        if np.max(np.abs(weights - before)) < 1e-6:
+            break
+    first = vectors[:, 0]
+    largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
+    spreads = sd_about_median(readings_mps @ vectors[:, :2], axis=0)
+    following = max(float(spreads[1]), float(np.sqrt(values[1])))
+    return Combination(first / first[largest], float(spreads[0]), following)

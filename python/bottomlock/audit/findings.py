@@ -1,26 +1,312 @@
-"""Limits of what an audit calls a finding, and its findings as a table."""
+"""What an audit may find: its limits, one template a kind, and the findings as a table."""
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import polars as pl
 
-from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.finding import Finding, Severity
 from bottomlock.tables.audit import FINDINGS
 
 SIGNIFICANCE = 1e-5
 """False-alarm probability of each test. An audit makes fewer than 50: 1 clean log in 2000 gets a false finding."""
 
-SIGMAS = 5.0
 MATERIAL_RAD, MATERIAL_SCALE, MATERIAL_MPS = np.deg2rad(0.5), 0.005, 0.002
 """Smaller errors are not reported, however significant: 0.5° of tilt is 2 % of surge at 25°; 0.5 % of scale; 2 mm/s."""
+
+LOCK_ADVICE = "Record in the water, with the bottom within the instrument's range."
+FROM_FILE = "Use the geometry file that this audit writes, or correct the column map."
+FREE = (
+    "A unit combination closes to {least:.1f} mm/s, the next best to {following:.1f}. Closure leaves 9 of the 12 "
+    "entries of four beams free: a rotation, mirroring or stretch of the whole closes equally well."
+)
+CLOSES = (
+    "Robust closure of a unit combination {plain:.1f} mm/s as stated ({scatter:.1f} about its median), {best:.1f} mm/s "
+    "after the change."
+)
+ANGLES = "Tilts {tilts} deg, azimuths {azimuths} deg from {pings} pings."
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How the findings of a kind are told: templates of `str.format` over the numbers of each.
+
+    Attributes:
+        severity: of most; a check may state another.
+        unit: of the size.
+        text, evidence, hint: as `Finding` has them.
+    """
+
+    severity: Severity
+    unit: str
+    text: str
+    evidence: str
+    hint: str
+
+
+_TIME = Kind(
+    "fault", "pings", "{size:.0f} of {pings} pings {what}.", "First in row {row}: {after} ns after {before} ns.",
+    "Use the instrument's time of validity instead of the host's, or drop these rows before `bottomlock fix`.",
+)  # fmt: skip
+_READER = Kind(
+    "note", "records", "{size:.0f} of {read:.0f} records of the recording {what}: {name}.", "First: {first}.",
+    "See the account (JSON) beside the table.",
+)  # fmt: skip
+_ORDER = Kind(
+    "fault", "times", "The beams do not close as stated, and close {size:.1f} times better with {orders}.", CLOSES,
+    "{advice}",
+)  # fmt: skip
+_THIS_IS = Kind("note", "geometries", "This is {fits}.", "{basis}", "Audit and solve with --geometry {fits}.")
+KINDS = {
+    "never_locked": Kind(
+        "warning", "pings", "The instrument never had bottom lock in this log: {why}.",
+        "{flagged} pings have all beams flagged valid. Beams, closure and mounting are not judged.", LOCK_ADVICE,
+    ),
+    "reader_skipped": _READER,
+    "reader_flagged": _READER,
+    "time_repeats": _TIME,
+    "time_goes_back": _TIME,
+    "time_gaps": Kind(
+        "note", "gaps", "Gaps in time: {size:.0f}, together {missing:.3g} s of {span:.4g} s.",
+        "The median step is {usual:.4g} s; the longest is {longest:.4g} s, before row {row}.",
+        "None if the instrument did not ping: the filter propagates without it. Else look for lost lines.",
+    ),
+    "stale_pings": Kind(
+        "warning", "pings", "{size:.0f} pings ({percent:.2g} %) repeat the whole ping before them unchanged.",
+        "{chance:.2g} are expected by chance; first in row {row}, longest run {longest} pings.",
+        "Drop them: a repeated reading is an old velocity, and is not independent of the ping before.",
+    ),
+    "stuck_beam": Kind(
+        "fault", "pings", "{Beams} is stuck at {value:.3f} m/s for {size:.0f} pings, {percent:.2g} % of its own.",
+        "First in row {row}, {time_s:.1f} s; by chance the longest run is {longest:.0f} readings.",
+        "Flag it invalid there: a reading that does not change is none.",
+    ),
+    "zero_as_valid": Kind(
+        "fault", "pings",
+        "{Beams} is flagged valid with a velocity of exactly zero in {size:.0f} pings ({percent:.2g} %).",
+        "{usual:.2g} are expected at a resolution of {quantum:.2g} m/s; first in row {row}.",
+        "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.",
+    ),
+    "no_range": Kind(
+        "note", "pings", "{Beams} is flagged valid without a range in {size:.0f} pings ({percent:.2g} %).",
+        "First in row {row}.", "Do not use the range as the only test of validity.",
+    ),
+    "rejected_by_instrument": Kind(
+        "note", "pings",
+        "The instrument flags its velocity invalid in {size:.0f} pings with all {of} beams valid ({percent:.3g} %).",
+        "First in row {row}.", "Flags of the beams are not sufficient: gate by closure and by innovation as well.",
+    ),
+    "velocity_without_beams": Kind(
+        "fault", "pings",
+        "The instrument flags its velocity valid in {size:.0f} pings with fewer than three valid beams.",
+        "First in row {row}.", "Do not use that velocity: it depends on data that are not in the log.",
+    ),
+    "noisy_beam": Kind(
+        "warning", "times",
+        "{Beams} is {size:.1f} times noisier than the others: {own:.1f} mm/s against {others:.1f} mm/s.",
+        "Third differences of {pings} pings; they predict a closure of {predicted:.1f} mm/s, it is {closure:.1f}.",
+        "Give it its own noise (beam_noise_mps of each beam) or leave it out, and look at the transducer.",
+    ),
+    "identical_beams": Kind(
+        "fault", "of pings", "{Beams} hold the same numbers{reverse} in {percent:.3g} % of {pings} pings.",
+        "Two transducers do not agree to the last digit.",
+        "Look for a column that is read twice; until then use one of the two and treat the other as lost.",
+    ),
+    "identical_beams/parallel": Kind(
+        "fault", "deg", "{Beams} are parallel within {size:.2f} deg.", "± {sd:.2g} deg from {pings} pings.",
+        "One transducer is read twice: correct the wiring or the column map.",
+    ),
+    "too_few_pings": Kind(
+        "note", "pings", "Beam directions are not observable in this log.",
+        "Only {size:.0f} pings have all beams and the instrument's velocity; at least {least} are needed.",
+        "Record with bottom lock on all beams.",
+    ),
+    "directions_not_observable": Kind(
+        "note", "deg",
+        "Beam directions are not observable in this log: the velocity varies too little, or its pings are too few or "
+        "too correlated.",
+        "Standard deviations {sds} deg from {blocks} independent blocks, of which {least} are needed; the velocity "
+        "varies by {spread} m/s in x, y, z.",
+        "Record longer, with surge, sway and heave of a few decimetres per second.",
+    ),
+    "beams_alone": Kind(
+        "note", "m/s",
+        "The directions of three beams are not observable without the instrument's velocity or a stated geometry.",
+        "Three beams have no closure.", "State a geometry.",
+    ),
+    "beams_alone/opposite": Kind(
+        "note", "m/s",
+        "The beams close with weights {weights}: of four beams of a Janus those of one sign face each other.", FREE,
+        "Compare with the manufacturer's beam numbering, or state a geometry.",
+    ),
+    "beams_alone/unclear": Kind(
+        "note", "m/s", "The order of the beams is not observable in this log: no combination closes clearly best.",
+        FREE, "Record surge, sway and heave well above the noise, or state a geometry.",
+    ),
+    "packaged_geometries": _THIS_IS,
+    "another_geometry": replace(_THIS_IS, severity="fault", text="This is {fits}, not {stated}."),
+    "packaged_geometries/several": Kind(
+        "note", "geometries", "The beams fit the packaged geometries {fits}.", "{basis}",
+        "State that of your instrument with --geometry; closure alone shows neither tilt nor yaw.",
+    ),
+    "swapped_beams/closure": _ORDER,
+    "sign_flipped/closure": _ORDER,
+    "order_or_bias": Kind(
+        "fault", "times", "Either the order is not the stated one ({orders}), or the closure has a bias.",
+        CLOSES + " The vehicle's velocity varies too little to decide.",
+        "Record the vehicle on two courses, or the instrument's own velocity.",
+    ),
+    "swapped_beams": Kind("fault", "beams", "The order is not the stated one: {pairs}.", ANGLES, FROM_FILE),
+    "sign_flipped": Kind("fault", "beams", "Opposite sign: {beams}.", ANGLES, FROM_FILE),
+    "all_signs_flipped": Kind(
+        "fault", "beams", "Every beam has the opposite sign: z or the readings are positive upwards.", ANGLES,
+        FROM_FILE + " A recorded depth gives the direction of z.",
+    ),
+    "rotated_geometry": Kind(
+        "fault", "deg",
+        "The beams match the stated ones only after a common rotation: roll, pitch, yaw {rpy} deg.", ANGLES,
+        "State the mounting, or rotate the instrument's velocity to the stated frame.",
+    ),
+    "mistilted_beam": Kind(
+        "fault", "deg",
+        "In the matrix that the instrument uses, off the stated direction by up to {size:.2f} deg: {beams}.",
+        ANGLES + " Off by {off} deg, stated tilts {stated}. With four beams a channel changed after the instrument "
+        "solved shows in every beam.",
+        "Compare with the manufacturer's drawing; correct the stated geometry, or the channel.",
+    ),
+    "scale": Kind(
+        "warning", "%",
+        "The scale of {beams} differs from that of the instrument's velocity by up to {signed:+.2f} %.",
+        "Scales {scales}.", "If common, only one of the two is corrected for the speed of sound; else a beam's fault.",
+    ),
+    "beam_bias": Kind(
+        "warning", "mm/s",
+        "{Beams} has a bias of {size:+.1f} mm/s against the instrument's velocity and the other beams.",
+        "± {sd:.1g} mm/s. The part that the instrument has included in its velocity is not observable.",
+        "Subtract it, or let the filter estimate beam biases.",
+    ),
+    "closure_depends_on_velocity": Kind(
+        "fault", "mm/s",
+        "The closure depends on the velocity, by {size:.0f} mm/s RMS: directions or scales differ from the matrix.",
+        "Slope on x, y, z {slope} (p {p:.1g}). The pings {lag} away serve as instrumental variable.",
+        "Closure names no beam: check the beams against the manufacturer's drawing, or calibrate with a reference.",
+    ),
+    "closure_bias": Kind(
+        "warning", "mm/s",
+        "The median closure is {size:+.1f} mm/s: at least one beam has a bias, or a scale or direction that a steady "
+        "course shows as one.",
+        "± {sd:.1g} mm/s over {pings} pings. The three combinations of biases that act like a velocity do not show.",
+        "Let the filter estimate beam biases; compare at rest on the bottom.",
+    ),
+    "heavy_tails": Kind(
+        "warning", "of pings",
+        "The closure has heavy tails: {percent:.2g} % of {pings} pings lie beyond three robust sigmas, 0.27 % would if "
+        "the noise were Gaussian.",
+        "Median |e| {middle:.1f}, robust sigma {robust:.1f}, 95 % {p95:.0f}, 99 % {p99:.0f}, largest {top:.0f} mm/s.",
+        "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
+    ),
+    "depth_not_observable": Kind(
+        "note", "",
+        "Neither the sign of z nor the vertical scale is observable: the depth hardly follows the vertical velocity.",
+        "{basis}", "Record a descent or an ascent.",
+    ),
+    "z_points_up": Kind(
+        "fault", "", "The z axis of the velocity points up: the depth increases when z is negative.", "{basis}",
+        "Rotate the velocity to forward, right, down before using it.",
+    ),
+    "vertical_scale": Kind(
+        "warning", "%", "The depth changes by {size:+.1f} % more than the integrated vertical velocity.", "{basis}",
+        "Check the tilt of the beams and the sound speed.",
+    ),
+    "water_scale": Kind(
+        "warning", "", "The beams of the water read {size:.2f} times the speed through it.", "{basis}",
+        "Check sign, unit and speed of sound of the water's velocities (a beam reads positive when the vehicle moves "
+        "along it), and whether the vehicle steers against a varying current.",
+    ),
+    "mounting_not_observable": Kind(
+        "note", "",
+        "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings do not "
+        "explain the velocity.",
+        "{basis}", "Record accelerations, rotations and speeds well above the noise of the instrument.",
+    ),
+    "not_observable": Kind(
+        "note", "", "{what} is not observable in this log.",
+        "Its standard deviation is {told}; infinite with too few independent pings, or too little of this motion.",
+        "Record more {lacks}.",
+    ),
+    "left_handed": Kind(
+        "fault", "", "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.",
+        "{basis}", "Reverse y before using the velocity.",
+    ),
+    "misalignment": Kind(
+        "warning", "deg", "The DVL is misaligned with {against}: {listed} deg ({significant} significant).", "{basis}",
+        "Set these mounting angles for the DVL.",
+    ),
+    "lever_arm": Kind(
+        "warning", "m", "The lever arm of the DVL from {point} is {listed} m{against}.", "{basis}",
+        "Set this lever arm for the DVL.",
+    ),
+    "clock_offset": Kind(
+        "fault", "s", "The DVL's clock differs from the reference's: reference time is DVL time {size:+.3f} s.",
+        "± {sd:.2g} s. {basis}", "Set this clock offset for the DVL.",
+    ),
+    "velocity_scale": Kind(
+        "warning", "%", "The DVL reads {size:+.2f} % against the reference.", "± {sd:.2g} %. {basis}",
+        "Check the sound speed; let the filter estimate the scale.",
+    ),
+    "imu_axes": Kind(
+        "fault", "axes", "Opposite to the attitude's: the IMU's {axes}{left}.",
+        "Rates of the IMU against the attitude: diagonal {diagonal}.", "Reverse it for accelerometer and gyro.",
+    ),
+    "imu_clock_offset": Kind(
+        "fault", "s", "The IMU's clock differs from the attitude's: IMU time is the attitude's time {size:+.3f} s.",
+        "± {sd:.2g} s, from the rotations in both recordings.", "Set this clock offset for the IMU.",
+    ),
+}  # fmt: skip
+"""By the kind, and where one has several templates by the kind and the case."""
+
+
+Told = dict[str, Any]
+"""What a template names, by its name there."""
+
+
+def finding(
+    template: str,
+    size: float = 1.0,
+    weight: float = 1.0,
+    told: Told | None = None,
+    *,
+    beams: Iterable[int] = (),
+    sd: float = math.nan,
+    severity: Severity | None = None,
+) -> Finding:
+    """A finding told by its template.
+
+    Args:
+        template: of `KINDS`.
+        size, weight, sd, severity: of the finding; the severity is the kind's by default.
+        told: what the template names beside size, sd, beams and percent (of the weight).
+        beams: concerned, from 0.
+    """
+    kind, beams = KINDS[template], tuple(int(beam) for beam in beams)
+    words = beam_words(beams)
+    numbers = {"size": size, "sd": sd, "percent": 100.0 * weight, "beams": words, "Beams": words.capitalize()}
+    told = numbers | (told or {})
+    text, evidence, hint = (one.format(**told) for one in (kind.text, kind.evidence, kind.hint))
+    return Finding(
+        template.partition("/")[0], severity or kind.severity, float(weight), text, evidence, hint, size=float(size),
+        unit=kind.unit, beams=tuple(beam + 1 for beam in beams), sd=float(sd),
+    )  # fmt: skip
 
 
 def findings_table(findings: list[Finding]) -> pl.DataFrame:
     """A row per finding, in the order given."""
     rows = [
         (
-            rank, one.kind, one.severity, list(one.beams), one.size, one.unit, one.weight,
+            rank, one.kind, one.severity, list(one.beams), one.size, one.sd, one.unit, one.weight,
             one.text, one.evidence, one.hint, one.place, one.expected,
         )
         for rank, one in enumerate(findings, start=1)
@@ -35,6 +321,22 @@ def beam_words(beams: Iterable[int]) -> str:
     'beams 1 and 3'
     """
     names = [str(beam + 1) for beam in beams]
-    if len(names) == 1:
-        return f"beam {names[0]}"
+    if len(names) < 2:
+        return f"beam {''.join(names)}"
     return f"beams {', '.join(names[:-1])} and {names[-1]}"
+
+
+def listed(values: Iterable[float], form: str = ".2f") -> str:
+    """Numbers one after the other.
+
+    >>> listed([1.0, 2.5], "+.1f")
+    '+1.0, +2.5'
+    """
+    return ", ".join(format(value, form) for value in values)
+
+
+def with_sd(values: Iterable[float], sds: Iterable[float], form: str = ".2f", of_sd: str = ".2g") -> str:
+    """Numbers one after the other, each with its 1 sigma."""
+    return ", ".join(
+        f"{format(one, form)} ± {format(sd, of_sd)}" for one, sd in zip(values, sds, strict=True)
+    )

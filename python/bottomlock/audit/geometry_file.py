@@ -8,10 +8,11 @@ import numpy as np
 
 from bottomlock.audit.matrix import LEAST_PINGS, azimuth, tilt
 from bottomlock.audit.mounting import LIMITS, Mounting
-from bottomlock.audit.robust import Array, sigma
+from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
 from bottomlock.io.calibrated_file import Calibrated, calibration_lines
+from bottomlock.recordings.robust import sd_about_median
 
 SURE = 5.0
 LEAST_NOISE_MPS = 1e-5
@@ -104,7 +105,7 @@ def _noise(audit: Audit) -> float:
         found = float(np.median([one.beam_sigma_mps for one in audit.assessment.closures]))
     else:
         bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
-        found = float(np.mean([sigma(column) for column in bent.T]))
+        found = float(np.mean(sd_about_median(bent, axis=0)))
     resolution = log.beside.get("resolution_mps", 0.0)
     noise = max(found, resolution / math.sqrt(12.0) if isinstance(resolution, float) else 0.0)
     if not noise > LEAST_NOISE_MPS:

@@ -2,15 +2,18 @@
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, bad_column
 from bottomlock.io.beams import (
     LEAST_READING_NS,
     Columns,
@@ -20,6 +23,7 @@ from bottomlock.io.beams import (
     times_as_they_stand,
 )
 from bottomlock.io.columns import check_valid, column_numbers, read_rows
+from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.support.rising import rising
 
@@ -76,6 +80,19 @@ class BeamLog:
         """(n,) every beam is flagged valid and finite."""
         return np.asarray((self.valid & np.isfinite(self.velocity_mps)).all(axis=1))
 
+    @cached_property
+    def unchanged(self) -> NDArray[np.bool_]:
+        """(n,) a ping repeats all readings and flags of the one before, with at least two non-zero readings.
+
+        Pings that a reader has marked as stale, and flagged invalid, count as well.
+        """
+        same, y, valid = np.zeros(self.pings, dtype=bool), self.velocity_mps, self.valid
+        if self.beams:
+            used = valid & np.isfinite(y)
+            equal = (~used[1:] | (y[1:] == y[:-1])).all(axis=1) & (valid[1:] == valid[:-1]).all(axis=1)
+            same[1:] = equal & ((used & (y != 0.0))[1:].sum(axis=1) >= 2)
+        return same if self.stale is None else same | self.stale
+
     @property
     def own_frame(self) -> bool:
         """The instrument's velocity is in its own frame, not in the ship's or the Earth's."""
@@ -90,16 +107,20 @@ class BeamLog:
         return np.asarray(finite if self.instrument_valid is None else finite & self.instrument_valid)
 
 
-def numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.float64]:
-    """A column as floats, NaN where it is empty; true and false are 1 and 0."""
-    if name in table.columns and table[name].dtype == pl.Null:
-        return np.full(table.height, np.nan)
-    return column_numbers(table, name, place, words=True)
+def numbers(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.float64]:
+    """Columns as floats (n, columns), NaN where they are empty; true and false are 1 and 0."""
+    none = np.full(table.height, np.nan)
+    columns = [
+        none if name in table.columns and table[name].dtype == pl.Null
+        else column_numbers(table, name, place, words=True)
+        for name in names
+    ]  # fmt: skip
+    return np.stack(columns, axis=1) if columns else np.zeros((table.height, 0))
 
 
-def _filled(table: pl.DataFrame, name: str) -> bool:
-    """The column is there and holds something."""
-    return name in table.columns and table[name].null_count() < table.height
+def _filled(table: pl.DataFrame, *names: str) -> bool:
+    """The columns are there and hold something."""
+    return all(name in table.columns and table[name].null_count() < table.height for name in names)
 
 
 def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
@@ -123,44 +144,38 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     place, table = str(path), read_rows(Path(path))
     mapped = columns is not None and columns.velocity is not None and columns.velocity[0] in table.columns
     chosen = columns if mapped and columns is not None else Columns()
-    names = list(chosen.velocity or [n for n in _columns_of(table, "mps") if _filled(table, n)])
-    flags = list(chosen.valid or (f"beam{k + 1}_valid" for k in range(len(names))))
-    if not mapped:
-        flags = [name.replace("_mps", "_valid") for name in names]
     time_ns = times_as_they_stand(table, chosen, place)
     own = [f"instrument_{axis}_mps" for axis in AXES]
-    has_own = all(_filled(table, name) for name in own)
-    if not names and not has_own and not _filled(table, "error_velocity_mps"):
+    has_own, has_error = _filled(table, *own), _filled(table, "error_velocity_mps")
+    stated = _columns_of(table, "mps")
+    names = list(chosen.velocity or [name for name in stated if _filled(table, name)])
+    if not names and not has_own and not has_error:
         # Empty columns of a log without lock, which is audited as such.
-        names = _columns_of(table, "mps")
-        flags = [name.replace("_mps", "_valid") for name in names]
-    empty = np.zeros((table.height, 0))
-    velocity = np.stack([numbers(table, n, place) for n in names], axis=1) if names else empty
-    velocity = velocity * chosen.velocity_scale
-    if mapped and chosen.valid is None:
-        valid = beam_flags(table, flags, velocity, chosen, place)
-    else:
-        valid = read_flags(table, flags, place) if names else empty.astype(bool)
-    check_valid(velocity, valid, names, place)
-    instrument = np.stack([numbers(table, n, place) for n in own], axis=1) if has_own else None
-    verdict = None
-    if has_own and _filled(table, "instrument_valid"):
-        verdict = read_flags(table, ["instrument_valid"], place)[:, 0]
-    if not names and instrument is None and not _filled(table, "error_velocity_mps"):
+        names = stated
+    if not names and not has_own and not has_error:
         raise DataError(
             "has neither beam1_mps ... nor instrument_x_mps, instrument_y_mps, instrument_z_mps",
             place=place,
             hint="`bottomlock convert` makes such a table, or a geometry file maps the columns",
         )
+    velocity = numbers(table, names, place) * chosen.velocity_scale
+    flags = [name.replace("_mps", "_valid") for name in names]
+    valid = np.zeros(velocity.shape, dtype=bool)
+    if mapped and chosen.valid is None:
+        valid = beam_flags(table, [f"beam{k + 1}_valid" for k in range(len(names))], velocity, chosen, place)
+    elif names:
+        valid = read_flags(table, chosen.valid or flags, place)
+    check_valid(velocity, valid, names, place)
     ranges = [name for name in _columns_of(table, "range_m") if _filled(table, name)]
-    reach = None
-    if len(ranges) == len(names) > 0:
-        reach = np.stack([numbers(table, n, place) for n in ranges], axis=1)
+    judged = has_own and _filled(table, "instrument_valid")
     return BeamLog(
-        place, time_ns, velocity, valid, reach, instrument, verdict,
+        place, time_ns, velocity, valid,
+        numbers(table, ranges, place) if len(ranges) == len(names) > 0 else None,
+        numbers(table, own, place) if has_own else None,
+        read_flags(table, ["instrument_valid"], place)[:, 0] if judged else None,
         chosen if mapped else None, _beside(Path(path)),
         read_flags(table, ["stale"], place)[:, 0] if "stale" in table.columns else None,
-        numbers(table, "error_velocity_mps", place) if _filled(table, "error_velocity_mps") else None,
+        numbers(table, ["error_velocity_mps"], place)[:, 0] if has_error else None,
     )  # fmt: skip
 
 
@@ -187,22 +202,32 @@ class Reference:
     rpy_rad: NDArray[np.float64]
     velocity_t_mps: NDArray[np.float64] | None
 
+    @property
+    def attitude(self) -> Rotation:
+        """(m,) from the platform to the tangent frame."""
+        return from_angles(*self.rpy_rad.T)
+
+    def spans(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether times (n,) are within."""
+        return np.asarray((time_ns >= self.time_ns[0]) & (time_ns <= self.time_ns[-1]))
+
+    def at(self, time_ns: NDArray[np.int64]) -> Rotation:
+        """(n,) attitudes at times within, by shortest arcs."""
+        between = Slerp((self.time_ns - self.time_ns[0]) * 1e-9, self.attitude)
+        return between((time_ns - self.time_ns[0]) * 1e-9)
+
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
     return read_times(table, Columns(), place, LEAST_READING_NS)
 
 
 def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.float64]:
-    block = np.stack([numbers(table, name, place) for name in names], axis=1)
+    """Columns (n, k) that have no blanks."""
+    block = numbers(table, names, place)
     wrong = np.argwhere(~np.isfinite(block))
     if wrong.size:
         row, column = (int(index) for index in wrong[0])
-        raise DataError(
-            f"is {block[row, column]}",
-            place=f"{place}: row {row}",
-            key=f"column '{names[column]}'",
-            expected="a finite number",
-        )
+        raise bad_column(place, names[column], f"is {block[row, column]}", "a finite number", row=row)
     return block
 
 
@@ -230,9 +255,9 @@ def read_own_attitude(path: str | Path) -> Reference | None:
     """
     place, table = str(path), read_rows(Path(path))
     names = ["roll_rad", "pitch_rad", "heading_rad"]
-    if "time_ns" not in table.columns or not all(_filled(table, name) for name in names):
+    if not _filled(table, "time_ns", *names):
         return None
-    rpy = np.stack([numbers(table, name, place) for name in names], axis=1)
+    rpy = numbers(table, names, place)
     time_ns = times_as_they_stand(table, Columns(), place)
     rows = np.isfinite(rpy).all(axis=1) & rising(time_ns)
     return Reference(time_ns[rows], rpy[rows], None) if rows.sum() > 1 else None

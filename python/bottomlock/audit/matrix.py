@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigma
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear
+from bottomlock.recordings.robust import sd_about_median
 from bottomlock.statistics.rms import rms
 
 LEAST_PINGS = 40
@@ -127,6 +128,20 @@ def azimuth(vectors: Array) -> Array:
     return np.asarray(np.arctan2(vectors[..., 1], vectors[..., 0]))
 
 
+def angle_between(one: Array, other: Array) -> Array:
+    """Angle between unit vectors (..., 3), rad.
+
+    >>> float(angle_between(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 0.0])))
+    0.0
+    """
+    return np.asarray(np.arccos(np.clip((one * other).sum(axis=-1), -1.0, 1.0)))
+
+
+def line_angle(one: Array, other: Array) -> float:
+    """Angle between the lines of two unit vectors (3,), whichever way they point, rad."""
+    return float(np.arccos(min(abs(float(one @ other)), 1.0)))
+
+
 def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
     """Beam matrix from readings (n, beams) and the instrument's velocity (n, 3), m/s; None from too few pings.
 
@@ -144,21 +159,20 @@ def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
     one = np.ones((count, 1))
     to_readings = fit_linear(np.hstack([velocity_mps, one]), readings_mps)
     to_velocity = fit_linear(np.hstack([readings_mps, one]), velocity_mps)
-    forward = float(np.mean([sigma(column) for column in to_readings.residuals.T]))
-    backward = float(np.mean([sigma(column) for column in to_velocity.residuals.T]))
-    if backward < FAR_BETTER * forward:
-        rows = _inverse(to_velocity.parameters)
-        copies = _inverse(to_velocity.resampled)
-        offset = -np.einsum("...bi,...i->...b", rows, to_velocity.parameters[-1])
-        offsets = -np.einsum("rbi,ri->rb", copies, to_velocity.resampled[:, -1])
-        regression, residual, blocks = READINGS_TO_VELOCITY, backward, to_velocity.blocks
-    else:
-        rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
-        offset, offsets = to_readings.parameters[3], to_readings.resampled[:, 3]
-        regression, residual, blocks = VELOCITY_TO_READINGS, forward, to_readings.blocks
+    forward, backward = (
+        float(np.mean(sd_about_median(fit.residuals, axis=0))) for fit in (to_readings, to_velocity)
+    )
     axes = np.linalg.svd(velocity_mps - np.median(velocity_mps, axis=0), full_matrices=False)[2]
-    moved = min(sigma(column) for column in (velocity_mps @ axes.T).T)
-    return Matrix(rows, copies, offset, np.std(offsets, axis=0), residual, moved, regression, count, blocks)
+    moved = float(sd_about_median(velocity_mps @ axes.T, axis=0).min())
+    if backward >= FAR_BETTER * forward:
+        rows, copies = to_readings.parameters[:3].T, np.swapaxes(to_readings.resampled[:, :3], 1, 2)
+        sd = np.std(to_readings.resampled[:, 3], axis=0)
+        bias, how = to_readings.parameters[3], VELOCITY_TO_READINGS
+        return Matrix(rows, copies, bias, sd, forward, moved, how, count, to_readings.blocks)
+    rows, copies = _inverse(to_velocity.parameters), _inverse(to_velocity.resampled)
+    bias = -rows @ to_velocity.parameters[-1]
+    sd = np.std(np.einsum("rbi,ri->rb", copies, to_velocity.resampled[:, -1]), axis=0)
+    return Matrix(rows, copies, bias, sd, backward, moved, READINGS_TO_VELOCITY, count, to_velocity.blocks)
 
 
 def _inverse(parameters: Array) -> Array:

@@ -4,20 +4,24 @@ The fit is that of a replay (`recordings.rig_fit`), against the reference's velo
 the IMU. A parameter that the motion does not excite keeps the spread of its wide prior and is not observable.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
-from bottomlock.audit.imu_alignment import ImuAlignment, align_imu
-from bottomlock.audit.logs import Reference
-from bottomlock.audit.robust import LEAST_BLOCKS, Array
-from bottomlock.recordings.rig_fit import LOOSE, PARTS, Match, Recorded
+from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.matrix import find_matrix
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear
+from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.axes import from_angles, to_angles
+from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.rig_tracked import Tracked
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.streams import Inertial, integrals
+from bottomlock.statistics.rms import rms
 
 BY_VELOCITY, BY_IMU = "velocity and attitude beside the log", "IMU and attitude beside the log"
 """Sources of a mounting."""
@@ -39,6 +43,109 @@ LEAST_EXPLAINED = 0.5
 GAIN_SD = 0.05
 """... or of whose changes, often noise for the most part, the response to the IMU is less certain; it is 1 for the same
 motion, 0 for another."""
+LEAST_RATE_RADPS = 1e-4
+"""RMS rate of turn from which an IMU's axes and clock show in it."""
+SHIFT_S, PASSES = 0.05, 4
+"""Step of the search of an IMU's offset, and of the derivative by it; passes of the fit."""
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Mounted:
+    """A stated mounting: roll, pitch, yaw (3,), rad, from DVL to platform axes; lever arm (3,), m, platform frame."""
+
+    rpy_rad: Array = field(default_factory=_zeros)
+    lever_arm_p_m: Array = field(default_factory=_zeros)
+
+    @property
+    def rotation(self) -> Rotation:
+        """From DVL axes to platform axes."""
+        return from_angles(*self.rpy_rad)
+
+
+def stated_rows(geometry: BeamGeometry, rpy_rad: ArrayLike, log: BeamLog) -> tuple[Array, Mounted]:
+    """Stated rows (beams, 3) in the frame of the instrument's velocity, and the mounting of that frame.
+
+    An instrument may give its velocity in its own axes, or rotate it to the platform's by a mounting that it has been
+    told: the frame is taken in which its own solution has the stated beams.
+
+    Args:
+        geometry: in the platform frame; the lever arm is the mean of its beams'.
+        rpy_rad: the mounting that it contains.
+        log: the pings.
+    """
+    arm = np.asarray(geometry.lever_arms_p_m).mean(axis=0)
+    own = Mounted(np.array(rpy_rad, dtype=np.float64), arm)
+    in_platform = geometry.sound_speed_scale * np.asarray(geometry.directions_p)
+    in_own = own.rotation.inv().apply(in_platform)
+    if not own.rpy_rad.any() or log.instrument_mps is None or not log.own_frame or log.beams < 3:
+        return in_own, own
+    pings = log.full & log.solved
+    found = find_matrix(log.velocity_mps[pings], log.instrument_mps[pings])
+    if found is None or not found.observable.all():
+        return in_own, own
+    off = [float(np.linalg.norm(found.rows - rows)) for rows in (in_own, in_platform)]
+    return (in_own, own) if off[0] <= off[1] else (in_platform, Mounted(lever_arm_p_m=arm))
+
+
+@dataclass(frozen=True, eq=False)
+class ImuAlignment:
+    """Alignment of the IMU's angular rates with those of the recorded attitude.
+
+    `offset_s` is IMU time minus attitude time of the same instant; `matrix` (3, 3) maps IMU axes to platform axes (a
+    negative diagonal entry is a reversed axis).
+    """
+
+    offset_s: float
+    offset_sd_s: float
+    matrix: Array
+    rate_rms_radps: float
+    residual_radps: float
+    blocks: int
+
+    @property
+    def seen(self) -> bool:
+        """The vehicle turns enough for axes and clock to show."""
+        return self.rate_rms_radps >= max(5.0 * self.residual_radps, LEAST_RATE_RADPS)
+
+
+def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
+    """Clock offset and axes of the IMU from its rates against the attitude's; None from less than 30 s in common."""
+    stride = max(1, round(0.5e9 / float(np.median(np.diff(reference.time_ns)))))
+    rows = np.arange(0, len(reference.time_ns), stride)
+    edges = reference.time_ns[rows]
+    inside = (edges > imu.time_ns[0] + 3 * 10**9) & (edges < imu.time_ns[-1] - 3 * 10**9)
+    rows, edges = rows[inside], edges[inside]
+    if len(edges) < 60 or edges[-1] - edges[0] < 30 * 10**9:
+        return None
+    attitudes, span = reference.attitude[rows], np.diff(edges)[:, None] * 1e-9
+
+    def centred(rates: Array) -> Array:
+        return np.asarray(rates - rates.mean(axis=0))
+
+    def of_imu(offset_s: float) -> Array:
+        return centred(integrals(imu.time_ns, imu.omega_p_radps, edges + round(offset_s * 1e9)) / span)
+
+    def fitted(offset_s: float) -> tuple[Array, Array]:
+        rates = of_imu(offset_s)
+        matrix = np.asarray(np.linalg.lstsq(rates, wanted, rcond=None)[0].T)
+        return matrix, wanted - rates @ matrix.T
+
+    wanted = centred((attitudes[:-1].inv() * attitudes[1:]).as_rotvec() / span)
+    shifts = np.arange(-2.5, 2.51, SHIFT_S)
+    offset = float(min(shifts, key=lambda one: float(np.median((fitted(one)[1] ** 2).sum(axis=1)))))
+    for _ in range(PASSES):
+        matrix, left = fitted(offset)
+        change = (of_imu(offset + SHIFT_S) - of_imu(offset - SHIFT_S)) @ matrix.T / (2.0 * SHIFT_S)
+        # One row an instant: what is left along the derivative, whose size is then the only column.
+        size = np.maximum(np.linalg.norm(change, axis=1), 1e-12)
+        fit = fit_linear(size[:, None], (change * left).sum(axis=1) / size)
+        offset += float(fit.parameters[0])
+    sd, spread = float(np.std(fit.resampled)), float(sd_about_median(left))
+    return ImuAlignment(offset, sd, matrix, float(rms(wanted)), spread, fit.blocks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +184,11 @@ class Mounting:
     blocks: int
     rate_rms_radps: Array
     imu: ImuAlignment | None = None
+
+    @property
+    def rotation(self) -> Rotation:
+        """From DVL axes to platform axes."""
+        return from_angles(*self.rpy_rad)
 
     @property
     def of_changes(self) -> bool:
@@ -122,8 +234,7 @@ def tracked(reference: Reference) -> Tracked | None:
     """The motion of a reference at even times; None for one without a velocity."""
     if reference.velocity_t_mps is None:
         return None
-    time_s = np.asarray((reference.time_ns - reference.time_ns[0]) * 1e-9)
-    attitudes = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
+    time_s, attitudes = (reference.time_ns - reference.time_ns[0]) * 1e-9, reference.attitude
     usual_s = float(np.median(np.diff(time_s)))
     at_s = np.arange(0.0, time_s[-1], min(STEP_S, usual_s))
     between = RotationSpline(time_s, attitudes) if usual_s > SLOW_S else Slerp(time_s, attitudes)
@@ -134,21 +245,24 @@ def tracked(reference: Reference) -> Tracked | None:
 
 
 def _mounting(match: Match, offset_s: float, aligned: ImuAlignment | None, *, of_imu: bool) -> Mounting:
-    sd = match.sd if match.blocks >= LEAST_BLOCKS else np.full(len(match.sd), np.inf)
+    turn_sd, arm_sd, clock_sd, scale_sd = (
+        match.part_sd(name) if match.blocks >= LEAST_BLOCKS else np.full(3, np.inf)
+        for name in ("rotation", "lever", "clock", "scale")
+    )
     clock_s, scale = float(match.part("clock")[0]) - offset_s, float(match.part("scale")[0])
     mirrored = bool(np.linalg.det(match.turned) < 0.0)
     rotation = Rotation.from_matrix(match.turned @ MIRROR if mirrored else match.turned)
     return Mounting(
         source=BY_IMU if of_imu else BY_VELOCITY,
-        rpy_rad=rotation.as_euler("ZYX")[::-1],
-        misalignment_sd_rad=sd[PARTS["rotation"]],
+        rpy_rad=to_angles(rotation),
+        misalignment_sd_rad=turn_sd,
         lever_arm_p_m=match.part("lever"),
-        lever_arm_sd_m=sd[PARTS["lever"]],
+        lever_arm_sd_m=arm_sd,
         clock_offset_s=clock_s,
-        clock_offset_sd_s=float(sd[PARTS["clock"]][0]) if abs(clock_s) <= REACH_S else np.inf,
+        clock_offset_sd_s=float(clock_sd[0]) if abs(clock_s) <= REACH_S else np.inf,
         # The fit's factor is that of the velocity, the audit's that of the motion.
         scale=1.0 / (1.0 + scale) - 1.0,
-        scale_sd=float(sd[PARTS["scale"]][0]) / (1.0 + scale) ** 2,
+        scale_sd=float(scale_sd[0]) / (1.0 + scale) ** 2,
         mirrored=mirrored,
         residual_mps=match.residual_mps,
         explained=float(np.clip(match.explained, 0.0, 1.0)),

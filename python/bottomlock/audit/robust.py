@@ -20,15 +20,6 @@ LEAST_BLOCKS = 8
 """Fewer blocks give no standard deviation: with 8 its own relative deviation is 1 / sqrt(2 x 7), a quarter."""
 
 
-def sigma(values: Array) -> float:
-    """Robust standard deviation: the scaled median of the deviations from the median; 0 for fewer than two values.
-
-    >>> sigma(np.array([0.0, 1.0, 2.0, 3.0, 1e9])) < 2.0
-    True
-    """
-    return float(sd_about_median(values)) if values.size > 1 else 0.0
-
-
 def resolution(values: Array) -> float:
     """Resolution of recorded values: the least non-zero difference; 0 where all are equal.
 
@@ -61,56 +52,46 @@ class LinearFit:
         parameters: (p,) or (p, k).
         resampled: (RESAMPLES, p) or (RESAMPLES, p, k) fits of resampled blocks.
         residuals: (n,) or (n, k).
-        weights: (n,) Huber weights.
         blocks: number of blocks that were resampled.
     """
 
     parameters: Array
     resampled: Array
     residuals: Array
-    weights: Array
     blocks: int
-
-
-def huber_weights(residuals: Array) -> Array:
-    """(n,) Huber weights of residuals (n, k), by the worst channel of each row, each on its own robust scale."""
-    columns = residuals.reshape(len(residuals), -1)
-    scale = np.array([max(sigma(column), 1e-12) for column in columns.T])
-    worst = (np.abs(columns) / (HUBER * scale)).max(axis=1)
-    return np.asarray(1.0 / np.maximum(worst, 1.0))
 
 
 def fit_linear(X: Array, Y: Array, Z: Array | None = None) -> LinearFit:
     """Huber fit of Y (n, k) on X (n, p), by reweighting; with instruments Z (n, p), two-stage least squares.
 
-    Instruments are needed where the noise of X is correlated with that of Y: Z must share the signal of X and none of
-    its noise.
+    A row's weight is that of its worst channel, each on its own robust scale. Instruments are needed where the noise of
+    X is correlated with that of Y: Z must share the signal of X and none of its noise.
 
     Source: Huber 1981, section 7.8; block bootstrap of consecutive rows (Künsch 1989), since noise that is correlated
     over several pings would otherwise make the standard deviations too small.
     """
-    Z = X if Z is None else Z
+    Z, Yk = X if Z is None else Z, Y.reshape(len(Y), -1)
     weights = np.ones(len(X))
     for _ in range(30):
-        parameters = _solve((Z * weights[:, None]).T @ X, (Z * weights[:, None]).T @ Y)
-        update = huber_weights(Y - X @ parameters)
-        done = np.max(np.abs(update - weights)) < 1e-6
-        weights = update
-        if done:
+        weighted = Z * weights[:, None]
+        parameters = _solve(weighted.T @ X, weighted.T @ Yk)
+        left = Yk - X @ parameters
+        worst = (np.abs(left) / (HUBER * np.maximum(sd_about_median(left, axis=0), 1e-12))).max(axis=1)
+        before, weights = weights, 1.0 / np.maximum(worst, 1.0)
+        if np.max(np.abs(weights - before)) < 1e-6:
             break
     weighted = Z * weights[:, None]
-    Yk = Y.reshape(len(Y), -1)
-    scores = weighted[:, :, None] * (Yk - X @ parameters.reshape(X.shape[1], -1))[:, None, :]
-    member = correlation_blocks(scores)
+    member = correlation_blocks(weighted[:, :, None] * left[:, None, :])
     count = int(member[-1]) + 1
     starts = np.searchsorted(member, np.arange(count))
-    left = np.add.reduceat(weighted[:, :, None] * X[:, None, :], starts)
+    normal = np.add.reduceat(weighted[:, :, None] * X[:, None, :], starts)
     right = np.add.reduceat(weighted[:, :, None] * Yk[:, None, :], starts)
     # A fixed seed: the same log gives the same audit.
     draws = np.random.default_rng(20_240_229).multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES)
-    copies = _solve(np.einsum("rb,bij->rij", draws, left), np.einsum("rb,bij->rij", draws, right))
-    resampled = copies if Y.ndim == 2 else copies[:, :, 0]
-    return LinearFit(parameters, resampled, Y - X @ parameters, weights, count)
+    copies = _solve(np.einsum("rb,bij->rij", draws, normal), np.einsum("rb,bij->rij", draws, right))
+    if Y.ndim == 1:
+        return LinearFit(parameters[:, 0], copies[:, :, 0], left[:, 0], count)
+    return LinearFit(parameters, copies, left, count)
 
 
 def _solve(A: Array, b: Array) -> Array:

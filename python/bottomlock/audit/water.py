@@ -13,15 +13,12 @@ that only a large one is a finding.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.audit.findings import SIGMAS
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigmas_for
 from bottomlock.config.sensors import WaterCells
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
-from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags
 from bottomlock.recordings.water_cells import same_ping, water_beams
@@ -38,7 +35,7 @@ UNUSED_MPS = 1.0
 """Noise of a beam, which nothing here uses: no closure leaves a cell out."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WaterAgreement:
     """The closest cell against the bottom.
 
@@ -58,13 +55,19 @@ class WaterAgreement:
     pings: int
     cell: int
     range_m: float
-    current_mps: tuple[float, float]
-    ping_sd_mps: tuple[float, float]
+    current_mps: Array
+    ping_sd_mps: Array
     beam_sd_mps: float
-    drift_mps_per_h: tuple[float, float]
+    drift_mps_per_h: Array
     scale: float
     scale_sd: float
     blocks: int
+
+    @property
+    def wrong(self) -> bool:
+        """The scale is off, by its slope, whose error is Gaussian also where the scale is far from 1."""
+        slope, sd = 1.0 / self.scale - 1.0, self.scale_sd / self.scale**2
+        return abs(slope) > max(MATERIAL, sigmas_for(self.blocks) * sd)
 
 
 def water_agreement(
@@ -90,14 +93,11 @@ def water_agreement(
     order = np.argsort(log.time_ns[whole], kind="stable")
     at = np.flatnonzero(whole)[order]
     near, same = same_ping(log.time_ns[at], beams.time_ns)
-    inside = (beams.time_ns >= attitude.time_ns[0]) & (beams.time_ns <= attitude.time_ns[-1])
-    rows = np.flatnonzero(beams.valid.all(axis=1) & inside & same)
+    rows = np.flatnonzero(beams.valid.all(axis=1) & attitude.spans(beams.time_ns) & same)
     if len(rows) < FEWEST:
         return None
     time_ns, bottom = beams.time_ns[rows], log.velocity_mps[at[near[rows]]]
-    turn = Slerp(attitude.time_ns * 1e-9, Rotation.from_euler("ZYX", attitude.rpy_rad[:, ::-1]))(
-        time_ns * 1e-9
-    )
+    turn = attitude.at(time_ns)
     solve = np.linalg.pinv(geometry.directions_p).T
     through = turn.apply(beams.velocity_mps[rows] @ solve)[:, :2]
     current = turn.apply((bottom - beams.velocity_mps[rows]) @ solve)[:, :2]
@@ -107,7 +107,6 @@ def water_agreement(
         return None
     hours = (means[0][:, 0] - means[0][:, 0].mean()) / 3600.0
     fit = fit_linear(_columns(means[1], hours), means[2].ravel())
-    slopes = fit.resampled[:, 0]
     one_ping = sd_about_zero(np.diff(current, axis=0), axis=0) / np.sqrt(2.0)
     beam = sd_about_zero(np.diff(bottom - beams.velocity_mps[rows], axis=0)) / np.sqrt(2.0)
     scale = 1.0 / (1.0 + float(fit.parameters[0]))
@@ -115,46 +114,14 @@ def water_agreement(
         pings=len(rows),
         cell=cell,
         range_m=float(beams.range_m[rows].mean()),
-        current_mps=_pair(np.median(current, axis=0)),
-        ping_sd_mps=_pair(one_ping),
+        current_mps=np.median(current, axis=0),
+        ping_sd_mps=one_ping,
         beam_sd_mps=float(beam),
-        drift_mps_per_h=_pair(fit.parameters[3:]),
+        drift_mps_per_h=fit.parameters[3:],
         scale=scale,
-        scale_sd=scale**2 * float(np.std(slopes)) if fit.blocks >= LEAST_BLOCKS else np.inf,
+        scale_sd=scale**2 * float(np.std(fit.resampled[:, 0])) if fit.blocks >= LEAST_BLOCKS else np.inf,
         blocks=fit.blocks,
     )
-
-
-def water_findings(found: WaterAgreement | None) -> list[Finding]:
-    """Beams of the water with a wrong sign or scale."""
-    if found is None:
-        return []
-    # In the slope, whose error is Gaussian also where the scale is far from 1.
-    slope, sd = 1.0 / found.scale - 1.0, found.scale_sd / found.scale**2
-    if not abs(slope) > max(MATERIAL, max(SIGMAS, sigmas_for(found.blocks)) * sd):
-        return []
-    north, east = found.current_mps
-    if found.scale < 0.0:
-        text = "The beams of the water have the wrong sign: the difference from the bottom grows with twice the speed."
-        advice = "Exchange the sign of the water's velocities: a beam reads positive when the vehicle moves along it."
-    else:
-        text = (
-            f"The beams of the water read {found.scale:.2f} times the speed through it: the current grows with the "
-            "vehicle's speed."
-        )
-        advice = (
-            "Check unit and speed of sound of the water's velocities, and whether the vehicle steers against a "
-            "varying current."
-        )
-    return [
-        Finding(
-            "water_scale", "fault" if found.scale < 0.0 else "warning", min(abs(slope), 1.0), text,
-            f"Factor {found.scale:.2f} ± {found.scale_sd:.2g} of the velocity through the water in cell {found.cell}, "
-            f"{found.pings} pings; current {north:+.2f} m/s north, {east:+.2f} m/s east.",
-            advice,
-            size=found.scale,
-        )
-    ]  # fmt: skip
 
 
 def _means(values: Array) -> Array:
@@ -167,7 +134,3 @@ def _columns(through: Array, hours: Array) -> Array:
     """(2 n, 5) the velocity through the water, a constant and a drift of each axis; rows north and east in turn."""
     constant = np.tile(np.eye(2), (len(through), 1))
     return np.column_stack([through.ravel(), constant, np.repeat(hours, 2)[:, None] * constant])
-
-
-def _pair(values: Array) -> tuple[float, float]:
-    return float(values[0]), float(values[1])

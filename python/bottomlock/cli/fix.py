@@ -9,7 +9,8 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 from rich.table import Table
 
-from bottomlock.audit.defects import ADVICE, why_never_locked
+from bottomlock.audit.defects import why_never_locked
+from bottomlock.audit.findings import LOCK_ADVICE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
@@ -235,7 +236,7 @@ def _require_lock(pings: Pings, place: str) -> None:
     if why:
         raise DataError(
             "no velocity is solved, because the instrument never had bottom lock in this log: "
-            f"{why}. {ADVICE}",
+            f"{why}. {LOCK_ADVICE}",
             place=place,
         )
 

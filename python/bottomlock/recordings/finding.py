@@ -1,5 +1,6 @@
 """A finding about a recording: of an audit, or of a replay."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -25,6 +26,7 @@ class Finding:
         size: magnitude, in `unit`.
         unit: of `size`.
         beams: numbers of the beams concerned, from 1.
+        sd: 1 sigma of `size`; NaN where it has none.
     """
 
     kind: str
@@ -38,6 +40,7 @@ class Finding:
     unit: str = ""
     beams: tuple[int, ...] = ()
     expected: str = ""
+    sd: float = math.nan
 
     @property
     def place(self) -> str:

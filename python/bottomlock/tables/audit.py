@@ -8,7 +8,7 @@ FINDINGS: Schema = schema(
     "rank: int",
     "kind severity: text",
     {"beams": pl.List(pl.Int64())},
-    "size: float",
+    "size sd: float",
     "unit: text",
     "fraction: float",
     "text evidence hint place expected: text",

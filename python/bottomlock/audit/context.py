@@ -1,0 +1,133 @@
+"""What the checks of an audit look at: a log with what stands beside it, and what is estimated of both, once."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bottomlock.audit import defects
+from bottomlock.audit.beams import BeamAssessment, assess_beams
+from bottomlock.audit.closure import closure_of
+from bottomlock.audit.depth import DepthRate, depth_rate
+from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.matrix import LEAST_PINGS
+from bottomlock.audit.mounting import Mounted, Mounting, find_mounting, stated_rows
+from bottomlock.audit.robust import Array
+from bottomlock.audit.water import WaterAgreement, water_agreement
+from bottomlock.io.beam_table import WaterTable
+from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.streams import Depths, Inertial
+from bottomlock.support.rising import rising
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """A log and what is known beside it.
+
+    Attributes:
+        log: the pings.
+        geometry: to compare with, in the platform frame, or None.
+        geometry_name: its name, or None.
+        mounting_rpy_rad: roll, pitch, yaw from DVL axes to platform axes that the geometry contains.
+        reference, imu, depths: other recordings of the same time.
+        cells: of water, of the same instrument.
+        own_attitude: as the instrument recorded it, for the water where there is no reference.
+    """
+
+    log: BeamLog
+    geometry: BeamGeometry | None = None
+    geometry_name: str | None = None
+    mounting_rpy_rad: ArrayLike = field(default_factory=lambda: np.zeros(3))
+    reference: Reference | None = None
+    imu: Inertial | None = None
+    depths: Depths | None = None
+    cells: WaterTable | None = None
+    own_attitude: Reference | None = None
+
+    @cached_property
+    def copies(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of channels, from 0, that hold the same numbers."""
+        return tuple((one.beams[0] - 1, one.beams[1] - 1) for one in defects.copies(self.log))
+
+    @cached_property
+    def locked(self) -> bool:
+        """The log ever had lock."""
+        return not defects.why_never_locked(self.log)
+
+    @cached_property
+    def whole(self) -> NDArray[np.bool_]:
+        """(n,) pings with every beam: valid, not stale, and no zero of a beam that reads zero when lost."""
+        lost_is_zero = [beam - 1 for one in defects.zeros(self.log) for beam in one.beams]
+        used = (self.log.velocity_mps[:, lost_is_zero] != 0.0).all(axis=1)
+        return np.asarray(self.log.full & ~self.log.unchanged & used & self.locked)
+
+    @cached_property
+    def _stated(self) -> tuple[Array | None, Mounted]:
+        if self.geometry is None:
+            return None, Mounted()
+        if self.log.beams:
+            return stated_rows(self.geometry, self.mounting_rpy_rad, self.log)
+        arm = np.asarray(self.geometry.lever_arms_p_m).mean(axis=0)
+        return None, Mounted(np.array(self.mounting_rpy_rad, dtype=np.float64), arm)
+
+    @property
+    def stated(self) -> Array | None:
+        """(beams, 3) stated directions times scale in the frame of the instrument's velocity, or None."""
+        return self._stated[0]
+
+    @property
+    def mounted(self) -> Mounted:
+        """The stated mounting of the frame of the instrument's velocity."""
+        return self._stated[1]
+
+    @cached_property
+    def assessment(self) -> BeamAssessment:
+        """Of the beams; the closure of an instrument that records its error velocity in their place."""
+        log = self.log
+        if log.beams:
+            return assess_beams(log, self.whole, self.stated, self.copies)
+        none = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
+        if log.error_velocity_mps is not None:
+            error = log.error_velocity_mps[np.isfinite(log.error_velocity_mps)]
+            if len(error) >= LEAST_PINGS:
+                none.closures.append(closure_of(np.ones(1), error[:, None]))
+        return none
+
+    @cached_property
+    def velocity(self) -> tuple[NDArray[np.int64], Array]:
+        """Times (m,) and velocities (m, 3), DVL frame: the instrument's own, else least squares of full pings.
+
+        Only those with a time later than all before: repeats and steps back have their own findings.
+        """
+        log, rows = self.log, self.assessment.rows
+        velocity, known = np.zeros((log.pings, 3)), np.zeros(log.pings, dtype=bool)
+        if log.instrument_mps is not None:
+            velocity, solved = log.instrument_mps, log.solved
+            known = solved & self.whole if (solved & self.whole).sum() > 100 and log.beams else solved
+        elif rows is not None:
+            velocity, known = np.asarray(log.velocity_mps @ np.linalg.pinv(rows).T), self.whole
+        at = np.flatnonzero(known if log.own_frame and self.locked else np.zeros_like(known))
+        at = at[rising(log.time_ns[at])]
+        return log.time_ns[at], velocity[at]
+
+    @cached_property
+    def depth(self) -> DepthRate | None:
+        """Depth rate against heave, or None."""
+        known = self.depths is not None and len(self.velocity[0])
+        return depth_rate(*self.velocity, self.depths, self.reference) if known and self.depths else None
+
+    @cached_property
+    def mounting(self) -> Mounting | None:
+        """Mounting of the DVL, or None."""
+        if self.reference is None or not len(self.velocity[0]):
+            return None
+        return find_mounting(*self.velocity, self.reference, self.imu)
+
+    @cached_property
+    def water(self) -> WaterAgreement | None:
+        """The water against the bottom, or None."""
+        attitude = self.own_attitude if self.reference is None else self.reference
+        if self.cells is None or self.geometry is None or not self.log.beams or attitude is None:
+            return None
+        return water_agreement(self.log, self.whole, self.cells, self.geometry, attitude)
