@@ -13,7 +13,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.errors import DataError
-from bottomlock.io.formats import BYTES, Format, detect
+from bottomlock.io.decoder import Format
+from bottomlock.io.formats import BYTES, detect
 from bottomlock.io.rows import PLAIN
 from tests.attack import logs
 from tests.attack.adversaries import ADVERSARIES

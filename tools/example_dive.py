@@ -74,7 +74,7 @@ def made(folder: Path, flown: Scenario) -> list[str]:
     write_bytes(folder / "dvl.pd0", sent)
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / "beams.parquet"
-        write_recording(pd0.read(sent, "dvl.pd0"), table, source=folder / "dvl.pd0")
+        write_recording(pd0.FORMAT.read(sent, "dvl.pd0"), table, source=folder / "dvl.pd0")
         write_parquet(folder / "beams.parquet", pl.read_parquet(table))
     at = (pl.col("time_ns") + offset).alias("time_ns")
     counts = [_counted(f"omega_{axis}_radps", OMEGA_STEP_RADPS) for axis in "xyz"]

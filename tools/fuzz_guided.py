@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 # What is to be covered has to be imported under instrumentation, before anything else imports it.
 with atheris.instrument_imports(include=["bottomlock.io"]):
-    from bottomlock.io.formats import BYTES, Format
-
+    from bottomlock.io.decoder import Format
+from bottomlock.io.formats import BYTES
 from tools import fuzz_readers, reader_seeds
 
 LONGEST = 4096

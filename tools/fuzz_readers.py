@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Recording
-from bottomlock.io.formats import BYTES, Format
+from bottomlock.io.decoder import Format
+from bottomlock.io.formats import BYTES
 from bottomlock.io.rows import Options
 from tools import reader_seeds
 

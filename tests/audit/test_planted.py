@@ -256,7 +256,7 @@ def test_channels_of_a_river_profiler(
 ) -> None:
     """A recording of 270 pings without a velocity of its own: opposite beams exchanged cannot be seen."""
     path = tmp_path / "river.parquet"
-    write_recording(pd0.read(RIVER.read_bytes(), RIVER.name), path, source=RIVER)
+    write_recording(pd0.FORMAT.read(RIVER.read_bytes(), RIVER.name), path, source=RIVER)
     log, stated = read_log(path), read_geometry("teledyne_20").geometry
     clean = {kind for kind, _ in found(log, stated=stated)}
     made = [

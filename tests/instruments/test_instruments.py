@@ -107,7 +107,7 @@ def test_the_instrument_states_a_velocity_from_three_beams(readings: Readings) -
 def test_what_is_read_back_is_what_the_table_says(readings: Readings) -> None:
     """Without faults, the reader's beams, validity and times are those in the record of what was sent."""
     sent = sent_of(readings)
-    table = waterlinked_json.read(b"".join(one.data for one in sent), "bytes", Options()).table
+    table = waterlinked_json.FORMAT.read(b"".join(one.data for one in sent), "bytes", Options()).table
     said = sent_table(readings, sent)
     assert np.array_equal(table.time_ns, np.round(said["time_ns"].to_numpy(), -3))
     for k in range(4):
@@ -162,7 +162,7 @@ def test_a_velocity_that_the_recorded_instrument_called_invalid_stays_so(reading
 def test_the_reader_knows_stale_records(readings: Readings) -> None:
     """A stale record is what an A50 does: the reader flags each one, and no other."""
     sent = sent_of(readings, Faults(stale=0.2), seed=2)
-    recording = waterlinked_json.read(b"".join(one.data for one in sent), "bytes", Options())
+    recording = waterlinked_json.FORMAT.read(b"".join(one.data for one in sent), "bytes", Options())
     assert recording.table.stale is not None
     assert np.array_equal(recording.table.stale, ["stale" in one.faults for one in sent])
 

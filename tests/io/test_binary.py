@@ -16,7 +16,7 @@ from tools import reader_seeds as seeds
 
 def test_pd0_beams() -> None:
     """Beam coordinates: mm/s as they stand, range 0 is none, attitude and clock from the variable leader."""
-    recording = pd0.read(
+    recording = pd0.FORMAT.read(
         seeds.pd0_ensemble(1) + seeds.pd0_ensemble(2, velocity=(100, -32768, 250, -250)), "log"
     )
     table = recording.table
@@ -34,7 +34,7 @@ def test_pd0_beams() -> None:
 def test_pd0_high_resolution() -> None:
     """0x5803 refines 0x0600 in 0.01 mm/s, and does not bring back a beam that 0x0600 calls bad."""
     fine = (10_012, -10_034, 25_056, -3_276_800)
-    table = pd0.read(seeds.pd0_ensemble(1, velocity=(100, -32768, 250, -250), fine=fine), "log").table
+    table = pd0.FORMAT.read(seeds.pd0_ensemble(1, velocity=(100, -32768, 250, -250), fine=fine), "log").table
     np.testing.assert_allclose(table.velocity_mps[0], [0.10012, np.nan, 0.25056, np.nan])
     assert table.valid.tolist() == [[True, False, True, False]]
 
@@ -47,8 +47,8 @@ def test_pd0_without_beams(frame: int, code: str) -> None:
     with pytest.raises(
         DataError, match=rf"{code}xxx\) hold no beam velocities; set the instrument to beam coordinates"
     ):
-        pd0.read(data, "log")
-    recording = pd0.read(data, "log", Options(instrument_only=True))
+        pd0.FORMAT.read(data, "log")
+    recording = pd0.FORMAT.read(data, "log", Options(instrument_only=True))
     assert recording.table.beams == 0
     # The bottom goes 0.1 to starboard or east, 0.2 aft or south, 0.05 up: the vehicle the other way.
     np.testing.assert_allclose(recording.table.instrument_mps, [[0.2, -0.1, 0.05]] * 2)
@@ -63,7 +63,7 @@ def test_pd0_damage_is_counted() -> None:
     flipped[100] ^= 1
     short = seeds.pd0_ensemble(3)[:-40]
     data = one + bytes(flipped) + b"$GPGGA" + short + seeds.pd0_ensemble(4) + seeds.pd0_ensemble(5)[:70]
-    recording = pd0.read(data, "log")
+    recording = pd0.FORMAT.read(data, "log")
     size = len(one)
     assert recording.table.rows == 2
     skipped = {name: (r.count, r.first) for name, r in recording.account.skipped.items()}
@@ -79,8 +79,8 @@ def test_pd0_without_bottom_track() -> None:
     """Ensembles of water profiles alone: what to switch on; among others they are counted."""
     water = seeds.pd0_ensemble(1, bottom=False)
     with pytest.raises(DataError, match=r"none of 1 ensembles has bottom track.*\(BP1\)"):
-        pd0.read(water, "log")
-    account = pd0.read(water + seeds.pd0_ensemble(2), "log").account
+        pd0.FORMAT.read(water, "log")
+    account = pd0.FORMAT.read(water + seeds.pd0_ensemble(2), "log").account
     assert account.other["ensemble without bottom track"].count == 1
 
 
@@ -89,7 +89,7 @@ def test_df21() -> None:
     data = framing.nortek_frame(0x1B, seeds.df21()) + framing.nortek_frame(
         0x1B, seeds.df21(1, status=0xFFFFF & ~0b10_0010)
     )
-    recording = nortek_dvl.read(data, "log")
+    recording = nortek_dvl.FORMAT.read(data, "log")
     table = recording.table
     # 1 May 2021 00:00:10.25: months count from 0, years from 1900.
     assert table.time_ns.tolist() == [1_619_827_210_250_000_000, 1_619_827_211_250_000_000]
@@ -102,7 +102,7 @@ def test_df21() -> None:
     np.testing.assert_allclose(table.instrument_mps[0], [1.0, -0.5, 0.25], rtol=1e-6)
     np.testing.assert_allclose(table.extra["beam1_delay_s"], 0.013, rtol=1e-6)
     invalid = framing.nortek_frame(0x1B, seeds.df21(velocity=(0.1, -32.768, 0.3, 0.4), status=0))
-    table = nortek_dvl.read(invalid, "log").table
+    table = nortek_dvl.FORMAT.read(invalid, "log").table
     assert not table.valid.any()
     assert math.isnan(table.velocity_mps[0, 1])
     assert table.instrument_valid.tolist() == [0]
@@ -114,7 +114,7 @@ def test_df21_beside_other_records() -> None:
     broken[60] ^= 4
     data = framing.nortek_frame(0x1D, seeds.df21()) + bytes(broken) + b"\xa5\x0a"
     data += framing.nortek_frame(0x1B, bytes(20)) + framing.nortek_frame(0x1B, seeds.df21(3))
-    account = nortek_dvl.read(data, "log").account
+    account = nortek_dvl.FORMAT.read(data, "log").account
     assert account.other["water track"].count == 1
     assert {name: r.count for name, r in account.skipped.items()} == {
         "bad checksum": 1,
@@ -129,19 +129,19 @@ def test_a_sign_that_goes_against_the_instrument_is_told() -> None:
         framing.nortek_frame(0x1B, seeds.df21(k, velocity=[-0.1 * k] * 4, axes=(0, 0, 0.1 * k, 0.1 * k)))
         for k in range(25)
     ]
-    notes = nortek_dvl.read(b"".join(falling), "log").notes
+    notes = nortek_dvl.FORMAT.read(b"".join(falling), "log").notes
     assert any("opposite to the instrument's z" in note for note in notes)
-    right = nortek_dvl.read(b"".join(falling), "log", Options(negate_beams=True)).notes
+    right = nortek_dvl.FORMAT.read(b"".join(falling), "log", Options(negate_beams=True)).notes
     assert not any("opposite to the instrument's z" in note for note in right)
 
 
 def test_df20() -> None:
     """A profiler's bottom track: scaled integers; a ping without bottom is four lost beams."""
     data = framing.nortek_frame(0x17, seeds.df20(), 0x10)
-    table = nortek_ad2cp.read(data, "log").table
+    table = nortek_ad2cp.FORMAT.read(data, "log").table
     np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.05, -0.05]])
     np.testing.assert_allclose(table.range_m, [[2.0, 2.1, 2.2, 2.3]])
-    lost = nortek_ad2cp.read(framing.nortek_frame(0x17, seeds.df20(valid=False), 0x10), "log").table
+    lost = nortek_ad2cp.FORMAT.read(framing.nortek_frame(0x17, seeds.df20(valid=False), 0x10), "log").table
     assert not lost.valid.any()
     assert np.isnan(lost.velocity_mps).all()
 
@@ -151,7 +151,7 @@ def test_nucleus() -> None:
     data = framing.nortek_frame(0xB4, seeds.nucleus(), 0x20) + framing.nortek_frame(
         0xB4, seeds.nucleus(1, status=0x7FFD), 0x20
     )
-    recording = nucleus.read(data, "log")
+    recording = nucleus.FORMAT.read(data, "log")
     table = recording.table
     assert table.beams == 3
     assert table.time_ns.tolist() == [1_690_000_000_250_000_000, 1_690_000_001_250_000_000]
@@ -169,7 +169,7 @@ def test_pd0_ranges_beyond_655_m() -> None:
     bottom = bytearray(body[track:])
     bottom[77:81] = bytes([1, 0, 2, 1])
     types = [body[6 + 2 * 3 : 6 + 2 * 3 + 59], body[6 + 2 * 3 + 59 : track], bytes(bottom)]
-    table = pd0.read(framing.pd0_wrap(types), "log").table
+    table = pd0.FORMAT.read(framing.pd0_wrap(types), "log").table
     np.testing.assert_allclose(table.range_m[0], [10.0 + 655.36, 10.1, 10.2 + 1310.72, 655.36])
 
 
@@ -190,5 +190,5 @@ def test_pd0_of_the_other_leaders() -> None:
     body = bytearray(seeds.pd0_ensemble(1)[:-2])
     first = 6 + 2 * 3
     body[first], body[first + 59] = 1, 0x81
-    table = pd0.read(bytes(body) + (sum(body) & 0xFFFF).to_bytes(2, "little"), "log").table
+    table = pd0.FORMAT.read(bytes(body) + (sum(body) & 0xFFFF).to_bytes(2, "little"), "log").table
     np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.25, -0.25]])

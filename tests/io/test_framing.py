@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable
 from bottomlock.io.formats import BYTES
-from bottomlock.io.formats import STREAMS as STREAM_FORMATS
 from bottomlock.io.framing import Lines
 from bottomlock.io.rows import Options, longest_rising
 from bottomlock.live.readings import PingReader
 from bottomlock.recordings.readings import Ping
 from tools import reader_seeds as seeds
 
-FORMATS = sorted(STREAM_FORMATS)
+FORMATS = sorted(one.name for one in BYTES if one.live)
 READ = {one.name: one.read for one in BYTES}
 STREAMS = {name: seeds.seeds()[name] for name in FORMATS}
 # One firmware: a stream of reports with and without a clock has no time of its own.
@@ -127,4 +126,4 @@ def test_a_serial_ping_is_there_with_its_fourth_transducer() -> None:
     first = next(k for k, line in enumerate(lines) if b"wrz" in line)
     assert not any(reader.feed(line) for line in lines[first : first + 4])
     assert len(reader.feed(lines[first + 4])) == 1
-    assert not reader.framer.waiting
+    assert not reader.waiting

@@ -44,7 +44,7 @@ def test_dropped_lines_of_the_serial_protocol(dropped: set[int]) -> None:
     log, whole, owners = records.clean("waterlinked-serial", 0)
     assert whole is not None
     left = logs.joined([line for k, line in enumerate(log.records) if k not in dropped])
-    assert records.mixed(waterlinked_serial.read(left, "log"), whole, owners) is None
+    assert records.mixed(waterlinked_serial.FORMAT.read(left, "log"), whole, owners) is None
 
 
 def _pings(*velocities: float) -> list[bytes]:
@@ -60,7 +60,7 @@ def _pings(*velocities: float) -> list[bytes]:
 def test_lines_gone_without_a_trace_cost_the_ping_before() -> None:
     """Two of its own, the report and two of the next: the rest would pass for one ping."""
     lines = _pings(10.0, 11.0, 12.0)
-    recording = waterlinked_serial.read(b"".join(lines[:3] + lines[8:]), "log")
+    recording = waterlinked_serial.FORMAT.read(b"".join(lines[:3] + lines[8:]), "log")
     assert recording.table.valid.tolist() == [[False] * 4, [True] * 4]
     (flag,) = (name for name in recording.account.flagged if "may be another's" in name)
     assert recording.account.flagged[flag].first == 1
@@ -69,16 +69,16 @@ def test_lines_gone_without_a_trace_cost_the_ping_before() -> None:
 def test_lines_of_a_logger_are_joined() -> None:
     """A time stamp before every sentence is no lost line; a word that stands there once is."""
     lines = [b"%d.%02d " % (9 + k, k) + line for k, line in enumerate(_pings(10.0, 11.0))]
-    assert waterlinked_serial.read(b"".join(lines), "log").table.valid.all()
+    assert waterlinked_serial.FORMAT.read(b"".join(lines), "log").table.valid.all()
     lines[7] = b"xrz,1 " + lines[7]
-    assert waterlinked_serial.read(b"".join(lines), "log").table.beams_valid.tolist() == [4, 1]
+    assert waterlinked_serial.FORMAT.read(b"".join(lines), "log").table.beams_valid.tolist() == [4, 1]
 
 
 @pytest.mark.parametrize(("clock", "times"), [("reports", [100, 200, 300, 400]), ("distinct", [100, 200])])
 def test_both_clocks_of_a_log_with_repeats(clock: str, times: list[int]) -> None:
     """Without time stamps an exact repeat adds its interval to the clock, or is left out; both sums are told."""
     log = seeds.a50_report(0) + seeds.a50_report(1) * 3
-    recording = waterlinked_json.read(log, "log", Options(clock=clock))  # type: ignore[arg-type]
+    recording = waterlinked_json.FORMAT.read(log, "log", Options(clock=clock))  # type: ignore[arg-type]
     assert (recording.table.time_ns // 1_000_000).tolist() == times
     (note,) = (note for note in recording.notes if "byte for byte" in note)
     assert note.startswith("2 reports repeat")

@@ -95,8 +95,8 @@ def test_bottom_and_water_of_an_ensemble(frame: int) -> None:
     log = seeds.pd0_ensemble(1, frame=frame, velocity=bottom.tolist(), cells=[cell.tolist(), three])
     log += seeds.pd0_ensemble(2, frame=frame, velocity=(*bottom[:3].tolist(), -32768))
     with pytest.raises(DataError, match=r"recover the beams from solutions of four with --beams-from-axes"):
-        pd0.read(log, "log")
-    recording = pd0.read(log, "log", RECOVERED)
+        pd0.FORMAT.read(log, "log")
+    recording = pd0.FORMAT.read(log, "log", RECOVERED)
     table, water = recording.table, recording.water
     assert water is not None
     assert table.beams_valid.tolist() == [4, 0]

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
-from bottomlock.io.formats import BYTES, Format
+from bottomlock.io.decoder import Format
+from bottomlock.io.formats import BYTES
 from bottomlock.io.rows import PLAIN, Options
 from tests.attack.adversaries import ADVERSARIES
 from tools import fuzz_readers, reader_seeds

@@ -18,7 +18,7 @@ from tools import reader_seeds as seeds
 
 def test_json_v1_has_no_clock() -> None:
     """Time is the sum of the intervals; a lost beam has neither range nor validity."""
-    recording = waterlinked_json.read(seeds.a50_report(0) + seeds.a50_report(1, lost=[2]), "log")
+    recording = waterlinked_json.FORMAT.read(seeds.a50_report(0) + seeds.a50_report(1, lost=[2]), "log")
     table = recording.table
     assert table.time_ns.tolist() == [100_000_000, 200_000_000]
     assert table.valid.tolist() == [[True] * 4, [True, True, False, True]]
@@ -43,7 +43,7 @@ def test_json_v3_has_the_time_of_validity() -> None:
         + seeds.a50_report(2, version="json_v3.1", type="velocity_water")
         + seeds.a50_report(3, version="json_v3.1")
     )
-    recording = waterlinked_json.read(log, "log")
+    recording = waterlinked_json.FORMAT.read(log, "log")
     first_ns = 1_638_191_471_563_017_000
     assert recording.table.time_ns.tolist() == [first_ns + step * 100_000_000 for step in range(4)]
     assert recording.table.beams_valid.tolist() == [4, 0, 0, 4]
@@ -55,22 +55,22 @@ def test_json_v3_has_the_time_of_validity() -> None:
 def test_json_stale_repeat() -> None:
     """A block that repeats unchanged is no new measurement; the row stays, and the user may have its beams back."""
     log = seeds.a50_report(0) + seeds.a50_report(0) + seeds.a50_report(1)
-    recording = waterlinked_json.read(log, "log")
+    recording = waterlinked_json.FORMAT.read(log, "log")
     assert recording.table.stale is not None
     assert recording.table.stale.tolist() == [False, True, False]
     assert recording.table.beams_valid.tolist() == [4, 0, 4]
     assert recording.account.flagged["stale repeat"].first == 2
-    kept = waterlinked_json.read(log, "log", Options(keep_stale=True))
+    kept = waterlinked_json.FORMAT.read(log, "log", Options(keep_stale=True))
     assert kept.table.beams_valid.tolist() == [4, 4, 4]
     # Beams that are all lost read alike from ping to ping without being a repeat.
     lost = seeds.a50_report(0, lost=range(4))
-    assert "stale repeat" not in waterlinked_json.read(lost + lost, "log").account.flagged
+    assert "stale repeat" not in waterlinked_json.FORMAT.read(lost + lost, "log").account.flagged
 
 
 def test_json_merged_and_cut_lines() -> None:
     """Two reports on a line are both read; after a report that is cut off, the next on its line is found."""
     one, two, three = (seeds.a50_report(k).strip() for k in range(3))
-    recording = waterlinked_json.read(
+    recording = waterlinked_json.FORMAT.read(
         one + two + b"\n" + three[:90] + seeds.a50_report(3) + b'{"time":1', "log"
     )
     assert recording.table.velocity_mps[:, 0].tolist() == [0.0, 0.001, 0.003]
@@ -86,7 +86,7 @@ def test_json_merged_and_cut_lines() -> None:
 def test_json_damaged_objects(damage: bytes) -> None:
     """A key that is given twice, a broken word and what follows an object: the line is lost or told to be merged."""
     line = seeds.a50_report(1).strip()
-    recording = waterlinked_json.read(seeds.a50_report(0) + line.removesuffix(b"}") + damage, "log")
+    recording = waterlinked_json.FORMAT.read(seeds.a50_report(0) + line.removesuffix(b"}") + damage, "log")
     reason = "merged line" if damage == b"}]" else "truncated"
     assert recording.account.skipped[reason].first == 2
     assert recording.table.rows == (2 if reason == "merged line" else 1)
@@ -94,7 +94,7 @@ def test_json_damaged_objects(damage: bytes) -> None:
 
 def test_serial_documented_examples() -> None:
     """The maker's examples: CRC-8 good, one measurement of four beams, time of validity 7 µs."""
-    recording = waterlinked_serial.read(seeds.SERIAL, "log")
+    recording = waterlinked_serial.FORMAT.read(seeds.SERIAL, "log")
     table = recording.table
     assert table.time_ns.tolist() == [7000]
     assert table.velocity_mps.tolist() == [[0.07, -0.5, 2.2, 1.8]]
@@ -109,16 +109,16 @@ def test_serial_lost_beams_and_bad_checksums() -> None:
     lost = seeds.SERIAL.replace(
         b"wru,2,2.200,1.40,-56,-98*18\r\n", framing.waterlinked_sentence(b"wru,2,0.000,-1.00,-56,-98")
     )
-    assert waterlinked_serial.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
+    assert waterlinked_serial.FORMAT.read(lost, "log").table.valid.tolist() == [[True, True, False, True]]
     bad = seeds.SERIAL.replace(b"2.200", b"2.300")
-    recording = waterlinked_serial.read(bad, "log")
+    recording = waterlinked_serial.FORMAT.read(bad, "log")
     assert recording.table.valid.tolist() == [[True, True, False, False]], (
         "what follows a lost line is unsure"
     )
     assert recording.account.skipped["bad checksum"].first == 4
     assert recording.account.skipped["transducer report after a lost line"].first == 5
     assert recording.account.flagged["transducer report missing"].count == 1
-    trusted = waterlinked_serial.read(bad, "log", Options(ignore_checksum=True))
+    trusted = waterlinked_serial.FORMAT.read(bad, "log", Options(ignore_checksum=True))
     assert trusted.table.velocity_mps[0, 2] == 2.3
     assert trusted.account.flagged["bad checksum, kept on request"].count == 1
 
@@ -134,13 +134,13 @@ def test_serial_deprecated(sentence: bytes, good: bool) -> None:
     """`wrx` alone has no beams: rejected with advice, or the instrument's velocity; one of seven fields is told."""
     if good:
         with pytest.raises(DataError, match=r"no beams.*firmware to 2\.1"):
-            waterlinked_serial.read(sentence, "log")
-        table = waterlinked_serial.read(sentence, "log", Options(instrument_only=True)).table
+            waterlinked_serial.FORMAT.read(sentence, "log")
+        table = waterlinked_serial.FORMAT.read(sentence, "log", Options(instrument_only=True)).table
         assert table.beams == 0
         assert table.instrument_mps.tolist() == [[0.007, 0.017, 0.006]]
     else:
         with pytest.raises(DataError, match=r"velocity report with wrong fields \(first at line 1\)"):
-            waterlinked_serial.read(sentence, "log")
+            waterlinked_serial.FORMAT.read(sentence, "log")
 
 
 def test_pnorbt_plain_and_tagged() -> None:
@@ -148,13 +148,13 @@ def test_pnorbt_plain_and_tagged() -> None:
     plain = b"".join(seeds.pnorbt(k, tagged=False, velocity=0.1 * k) for k in range(1, 5))
     tagged = b"".join(seeds.pnorbt(k, tagged=True, velocity=0.1 * k) for k in range(1, 5))
     for log in (plain, tagged):
-        table = nortek_ascii.read(log, "log").table
+        table = nortek_ascii.FORMAT.read(log, "log").table
         # 7 April 2021 13:13:35.3341: the date is MMDDYY.
         assert table.time_ns.tolist() == [1_617_801_215_334_100_000]
         np.testing.assert_allclose(table.velocity_mps, [[0.1, 0.2, 0.3, 0.4]])
         np.testing.assert_allclose(table.range_m, 5.0 / math.cos(math.radians(25.0)))
         np.testing.assert_allclose(table.extra["beam3_delay_s"], 0.023961)
-    table = nortek_ascii.read(seeds.PNORBT0, "log").table
+    table = nortek_ascii.FORMAT.read(seeds.PNORBT0, "log").table
     assert table.valid.tolist() == [[False]]
     assert np.isnan([table.velocity_mps, table.range_m, table.sd_mps]).all()
 
@@ -163,7 +163,7 @@ def test_pnorbt_missing_line() -> None:
     """A beam whose line is lost is lost; the ping says so."""
     lines = [seeds.pnorbt(k, tagged=False, second=s) for s in (1.0, 2.0) for k in range(1, 5)]
     lines[5] = lines[5].replace(b"0.25", b"0.35")
-    recording = nortek_ascii.read(b"".join(lines), "log")
+    recording = nortek_ascii.FORMAT.read(b"".join(lines), "log")
     assert recording.table.valid.tolist() == [[True] * 4, [True, False, True, True]]
     assert recording.account.skipped["bad checksum"].first == 6
     assert recording.account.flagged["beam line missing"].first == 5
@@ -171,23 +171,23 @@ def test_pnorbt_missing_line() -> None:
 
 def test_dvkfc_documented_example() -> None:
     """Three cones; range confidences under 25 are no detections, as the maker says."""
-    recording = cerulean.read(seeds.DVKFC, "log")
+    recording = cerulean.FORMAT.read(seeds.DVKFC, "log")
     table = recording.table
     assert table.time_ns.tolist() == [3_801_552_000_000]
     assert table.beams == 3
     assert table.valid.tolist() == [[False] * 3]
     np.testing.assert_allclose(table.quality, 6.283185)
     better = seeds.DVKFC.replace(b"3.450820,0.000000", b"125.0000,-0.75000").strip()[1:-3]
-    table = cerulean.read(seeds.nmea(better), "log").table
+    table = cerulean.FORMAT.read(seeds.nmea(better), "log").table
     assert table.valid.tolist() == [[False, True, False]]
     assert table.velocity_mps[0, 1] == -0.75
     with pytest.raises(DataError, match="1 bad checksum"):
-        cerulean.read(seeds.DVKFC.replace(b"*2A", b"*2B"), "log")
+        cerulean.FORMAT.read(seeds.DVKFC.replace(b"*2A", b"*2B"), "log")
 
 
 def test_linkquest_signs() -> None:
     """Upward z as recorded: beams negated and (x, -y, -z), so that b . v holds with the packaged geometry."""
-    recording = linkquest.read(seeds.linkquest_log(), "log")
+    recording = linkquest.FORMAT.read(seeds.linkquest_log(), "log")
     table = recording.table
     np.testing.assert_allclose(table.velocity_mps[0], [-0.1, 0.2, 0.3, -0.4])
     np.testing.assert_allclose(table.instrument_mps[0], [0.5, 0.6, -0.07])
@@ -197,7 +197,7 @@ def test_linkquest_signs() -> None:
     assert (table.arrival_ns - table.time_ns).tolist() == [800_000, 800_000]
     cut = seeds.linkquest_log(3).splitlines()
     log = b"\n".join([cut[0], cut[1], cut[2][:40], cut[3] + cut[3]])
-    account = linkquest.read(log, "log").account
+    account = linkquest.FORMAT.read(log, "log").account
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
 
 
@@ -218,7 +218,7 @@ def test_no_infinity_gets_into_a_table() -> None:
     report = report.replace(b'"altitude":1.8', b'"altitude":1e999').replace(
         b'"velocity":0.2', b'"velocity":1e999'
     )
-    table = waterlinked_json.read(report, "log").table
+    table = waterlinked_json.FORMAT.read(report, "log").table
     assert np.isnan(
         [table.range_m[0, 1], table.instrument_mps[0, 0], table.quality[0, 3], table.velocity_mps[0, 2]]
     ).all()

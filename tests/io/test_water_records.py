@@ -33,7 +33,7 @@ def test_pd0_profile() -> None:
     """Cells of 2 m from 3.5 m below, along beams of 20 degrees; the signs of the bottom; a mark for none."""
     log = seeds.pd0_ensemble(1, cells=[(100, -200, 300, -400), (50, 60, -32768, 80)])
     log += seeds.pd0_ensemble(2, cells=[(1, 2, 3, 4)])
-    recording = pd0.read(log, "log")
+    recording = pd0.FORMAT.read(log, "log")
     water = water_of(recording)
     assert water.time_ns.tolist() == np.repeat(recording.table.time_ns, [2, 1]).tolist()
     assert water.cell.tolist() == [1, 2, 1]
@@ -42,34 +42,36 @@ def test_pd0_profile() -> None:
     np.testing.assert_allclose(water.velocity_mps[1], [0.05, 0.06, np.nan, 0.08])
     assert water.valid.tolist() == [[True] * 4, [True, True, False, True], [True] * 4]
     assert water.quality[:2].tolist() == [[100, 101, 102, 103], [104, 105, 106, 107]]
-    turned = water_of(pd0.read(log, "log", Options(negate_beams=True)))
+    turned = water_of(pd0.FORMAT.read(log, "log", Options(negate_beams=True)))
     np.testing.assert_array_equal(turned.velocity_mps, -water.velocity_mps)
 
 
 def test_pd0_water_mass_layer() -> None:
     """The layer from 8 m to 16 m is cell 1 where there is no profile; a profile stands in its place."""
     layer = seeds.pd0_ensemble(1, layer=(10, -32768, -30, 40))
-    water = water_of(pd0.read(layer + seeds.pd0_ensemble(2), "log"))
+    water = water_of(pd0.FORMAT.read(layer + seeds.pd0_ensemble(2), "log"))
     assert water.cell.tolist() == [1]
     np.testing.assert_allclose(water.range_m * np.cos(np.radians(20.0)), [12.0])
     np.testing.assert_allclose(water.velocity_mps, [[0.01, np.nan, -0.03, 0.04]])
     assert water.quality.tolist() == [[90, 91, 92, 93]]
     both = seeds.pd0_ensemble(1, layer=(10, 20, 30, 40), cells=[(1, 2, 3, 4)])
-    np.testing.assert_allclose(water_of(pd0.read(both, "log")).velocity_mps, [[0.001, 0.002, 0.003, 0.004]])
+    np.testing.assert_allclose(
+        water_of(pd0.FORMAT.read(both, "log")).velocity_mps, [[0.001, 0.002, 0.003, 0.004]]
+    )
 
 
 def test_pd0_without_water() -> None:
     """None without a profile, and in other coordinates than those of the beams."""
-    assert pd0.read(seeds.pd0_ensemble(1), "log").water is None
+    assert pd0.FORMAT.read(seeds.pd0_ensemble(1), "log").water is None
     earth = seeds.pd0_ensemble(1, frame=3, cells=[(1, 2, 3, 4)])
-    assert pd0.read(earth, "log", Options(instrument_only=True)).water is None
+    assert pd0.FORMAT.read(earth, "log", Options(instrument_only=True)).water is None
 
 
 def test_df21_water_track() -> None:
     """Layout of the bottom track; distances are vertical; without one the water is taken at the instrument."""
     log = nortek_frame(0x1D, seeds.df21(1)) + nortek_frame(0x1B, seeds.df21())
     log += nortek_frame(0x1D, seeds.df21(2, status=0xFFFFF & ~0b1111_0100))
-    recording = nortek_dvl.read(log, "log")
+    recording = nortek_dvl.FORMAT.read(log, "log")
     water = water_of(recording)
     assert recording.table.rows == 1
     assert (water.time_ns - recording.table.time_ns[0]).tolist() == [10**9, 2 * 10**9]
@@ -79,13 +81,13 @@ def test_df21_water_track() -> None:
     assert water.valid.tolist() == [[True] * 4, [True, True, False, True]]
     assert any("without a distance" in note for note in recording.notes)
     with pytest.raises(DataError, match="no bottom-track record"):
-        nortek_dvl.read(nortek_frame(0x1D, seeds.df21()), "log")
+        nortek_dvl.FORMAT.read(nortek_frame(0x1D, seeds.df21()), "log")
 
 
 def test_nucleus_water_track() -> None:
     """The same of three beams, whose distances are kept."""
     log = nortek_frame(0xBE, seeds.nucleus(), 0x20) + nortek_frame(0xB4, seeds.nucleus(1), 0x20)
-    recording = nucleus.read(log, "log")
+    recording = nucleus.FORMAT.read(log, "log")
     water = water_of(recording)
     assert (recording.table.time_ns - water.time_ns).tolist() == [10**9]
     np.testing.assert_allclose(water.velocity_mps, [[0.1, 0.2, 0.3]], rtol=1e-6)
@@ -96,7 +98,7 @@ def test_nucleus_water_track() -> None:
 def test_ad2cp_profile() -> None:
     """By beam and cell, scaled; the first cell one cell beyond the blanking; correlations in per cent."""
     log = nortek_frame(0x15, seeds.df3(), 0x10) + nortek_frame(0x17, seeds.df20(1), 0x10)
-    recording = nortek_ad2cp.read(log, "log")
+    recording = nortek_ad2cp.FORMAT.read(log, "log")
     water = water_of(recording)
     assert (recording.table.time_ns[0] - water.time_ns).tolist() == [750_000_000] * 2
     np.testing.assert_allclose(water.velocity_mps, [[0.1, -0.1, 0.05, -0.05], [0.2, 0.05, 0.0, 0.007]])
@@ -104,7 +106,7 @@ def test_ad2cp_profile() -> None:
     np.testing.assert_allclose(water.quality, 204.0)
     averages = log.replace(nortek_frame(0x15, seeds.df3(), 0x10), nortek_frame(0x16, seeds.df3(), 0x10))
     np.testing.assert_array_equal(
-        water_of(nortek_ad2cp.read(averages, "log")).velocity_mps, water.velocity_mps
+        water_of(nortek_ad2cp.FORMAT.read(averages, "log")).velocity_mps, water.velocity_mps
     )
 
 
@@ -149,7 +151,7 @@ def test_waterlinked_json_water() -> None:
     """A report of the water is a ping without the bottom, and cell 1, 3 m below; the instrument's velocity is not."""
     log = seeds.a50_report(0, version="json_v3.2", tracking_mode="bottom")
     log += seeds.a50_report(5, version="json_v3.2", type="velocity_water", tracking_mode="water", lost=[1])
-    recording = waterlinked_json.read(log, "log")
+    recording = waterlinked_json.FORMAT.read(log, "log")
     water, table = water_of(recording), recording.table
     assert water.time_ns.tolist() == [table.time_ns[1]]
     np.testing.assert_allclose(water.velocity_mps[0, [0, 2, 3]], [0.005, 0.205, 0.305])
@@ -165,7 +167,7 @@ def test_waterlinked_json_water() -> None:
 
 def test_waterlinked_serial_water() -> None:
     """`wrs` with its four `wru`; the maker's own example of it; a `wrs` with other fields is none."""
-    recording = waterlinked_serial.read(seeds.water_report(1, lost=[3]) + seeds.water_report(2), "log")
+    recording = waterlinked_serial.FORMAT.read(seeds.water_report(1, lost=[3]) + seeds.water_report(2), "log")
     water = water_of(recording)
     assert water.time_ns.tolist() == recording.table.time_ns.tolist() == [501_000_000, 1_001_000_000]
     np.testing.assert_allclose(water.velocity_mps[0], [-0.199, -0.099, 0.001, 0.0], atol=1e-12)
@@ -174,7 +176,7 @@ def test_waterlinked_serial_water() -> None:
     assert np.isnan(recording.table.instrument_mps).all()
     documented = b"wrs,0.120,-0.400,2.000,y,1.855,1e-07;0;1.4;0;1.2;0;0.2;0;1e+09,7,14,123.00,1"
     other = waterlinked_sentence(b"wrs,1,2,3") + waterlinked_sentence(documented)
-    recording = waterlinked_serial.read(other + seeds.water_report(1), "log")
+    recording = waterlinked_serial.FORMAT.read(other + seeds.water_report(1), "log")
     assert recording.account.other["wrs (no velocity through the water)"].count == 1
     assert recording.account.skipped == {}
     assert recording.table.time_ns.tolist() == [7000, 501_000_000]

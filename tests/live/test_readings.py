@@ -62,7 +62,7 @@ def test_a_stream_that_begins_within_a_line() -> None:
     reader = LineReader("imu-csv", within=True)
     assert reader.feed(IMU[2:] + b"\n" + IMU) == []
     assert reader.feed(b"\n") == [ImuReading(1000, (0.1, -0.2, 0.3), (0.01, 0.02, -9.81))]
-    reader.framer.reset()
+    reader.reset()
     assert reader.feed(IMU[1:] + b"\n") == []
     assert reader.framer.dropped == len(IMU) - 2 + len(IMU) - 1
 

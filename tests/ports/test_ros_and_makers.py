@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.io import pd0 as pd0_reader
 from bottomlock.io import ros as ros_reader
 from bottomlock.io import waterlinked_json as waterlinked_reader
+from bottomlock.io.rows import PLAIN
 from bottomlock.kernel import solve_velocity
 from bottomlock.ports.registry import port
 from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
@@ -115,7 +116,10 @@ def test_ros_dvl(store: Any, mask: tuple[int, ...]) -> None:  # noqa: ANN401
     np.testing.assert_array_equal(np.isfinite(vector(message.velocity)), there)
     covariance = message.velocity_covar.reshape(3, 3)
     np.testing.assert_array_equal(np.diag(covariance) == -1.0, ~there)
-    table = ros_reader.read_message(data, "port").table
+    decoder = ros_reader.FORMAT.decoder("port", PLAIN, 4)
+    decoder.feed(data)
+    (taken,) = decoder.take()
+    table = taken.table
     assert table.valid.tolist() == [[bool(one) for one in mask]]
     assert estimate.beams is not None
     np.testing.assert_allclose(table.velocity_mps[0], estimate.beams.velocity_mps, rtol=1e-6)
@@ -138,7 +142,7 @@ def test_water_linked_with_the_velocity_restored() -> None:
     assert report["fom"] == pytest.approx(0.02)
     assert report["time"] == 200.0
     assert report["time_of_validity"] == START // 1000
-    recording = waterlinked_reader.read(data, "port")
+    recording = waterlinked_reader.FORMAT.read(data, "port")
     assert recording.table.valid.tolist() == [[True, True, False, False]]
     np.testing.assert_allclose(recording.table.instrument_mps, [TRUTH])
     blind = navigated(START + SECOND, covariance_m2ps2=np.eye(3) * 0.25)
@@ -154,7 +158,7 @@ def test_pd0_with_the_velocity_restored(mask: tuple[int, ...]) -> None:
     estimate = navigated(beams=seen.beams, velocity_p_mps=velocity, omega_p_radps=still)
     data = port("pd0", geometry=JANUS, receiver_sd_mps=0.5).encode(estimate)
     assert data is not None
-    table = pd0_reader.read(data, "port").table
+    table = pd0_reader.FORMAT.read(data, "port").table
     assert table.valid.all()
     fix = solve_velocity(JANUS, table.velocity_mps, table.valid, method="lc", beam_sd_mps=BEAM_SD)
     expected = TRUTH if all(mask) else velocity

@@ -28,7 +28,9 @@ def need(path: Path) -> Path:
 def caves(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Audit:
     source = need(recordings / "caves_girona_linkquest" / "dvl_linkquest.csv")
     folder = tmp_path_factory.mktemp("caves")
-    write_recording(linkquest.read(source.read_bytes(), str(source)), folder / "beams.parquet", source=source)
+    write_recording(
+        linkquest.FORMAT.read(source.read_bytes(), str(source)), folder / "beams.parquet", source=source
+    )
     depth = pl.read_csv(source.with_name("depth_sensor.csv"))
     depth.select(time_ns="field.header.stamp", depth_m="field.depth").write_parquet(folder / "depth.parquet")
     return audit_file(folder / "beams.parquet", depths=read_depths(folder / "depth.parquet"))
@@ -66,7 +68,7 @@ def test_a50_geometry(recordings: Path, tmp_path: Path, name: str) -> None:
     """Tilt 22.5°, azimuths 135, −135, −45, 45°, within 1° (measured: 0.2°), though its firmware filters."""
     source = need(recordings / "a50_waterlinked_json" / f"{name}.txt")
     path = tmp_path / "beams.parquet"
-    write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
+    write_recording(waterlinked_json.FORMAT.read(source.read_bytes(), str(source)), path, source=source)
     audit = audit_file(path)
     matrix = audit.assessment.matrix
     assert matrix is not None
@@ -83,7 +85,7 @@ def test_a50_at_rest_is_stale(recordings: Path, tmp_path: Path) -> None:
     """Nine reports of ten repeat the one before; what is left tells no direction, and the audit says both."""
     source = need(recordings / "a50_waterlinked_json" / "out_still_60s.txt")
     path = tmp_path / "beams.parquet"
-    write_recording(waterlinked_json.read(source.read_bytes(), str(source)), path, source=source)
+    write_recording(waterlinked_json.FORMAT.read(source.read_bytes(), str(source)), path, source=source)
     kinds = {one.kind: one for one in audit_file(path).findings}
     assert kinds["stale_pings"].weight > 0.85
     assert "directions_not_observable" in kinds
@@ -93,7 +95,7 @@ def test_pd0_numbering(recordings: Path, tmp_path: Path) -> None:
     """A river profiler numbers opposite beams 1, 2 and 3, 4; stated round the circle it does not close."""
     source = need(recordings / "pd0_nortek_mhkit" / "RiverPro_test01.PD0")
     path = tmp_path / "beams.parquet"
-    write_recording(pd0.read(source.read_bytes(), str(source)), path, source=source)
+    write_recording(pd0.FORMAT.read(source.read_bytes(), str(source)), path, source=source)
     audit = audit_file(path, geometry="x_janus_20")
     (order,) = (one for one in audit.findings if one.kind == "swapped_beams")
     assert order.size > 5.0

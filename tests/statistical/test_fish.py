@@ -157,7 +157,7 @@ def noise(world: World, shape: tuple[int, int], draw: np.random.Generator) -> Fl
     sd_mps = world.dvl["beam_noise_mps"]
     if world.noise == "gaussian":
         return np.asarray(sd_mps * draw.standard_normal(shape))
-    beams = pd0.read(LOG.read_bytes(), LOG.name).table
+    beams = pd0.FORMAT.read(LOG.read_bytes(), LOG.name).table
     rows = closure_rows(read_geometry("teledyne_20").geometry.directions_p)
     residuals = (beams.velocity_mps[beams.valid.all(axis=1)] @ rows.T).ravel()
     residuals -= np.median(residuals)

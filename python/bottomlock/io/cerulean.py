@@ -5,34 +5,20 @@ fixed mark and a checksum whose rule is not published: the published example fit
 manufacturer the NMEA exclusive or. Either is accepted.
 """
 
-import numpy as np
+from dataclasses import replace
 
-from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.dollar_sentences import pattern, sentences
-from bottomlock.io.framing import Lines, Stream
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.decoder import Format, Row, SentenceDecoder
+from bottomlock.io.rows import NAN
 from bottomlock.io.sentences import crc8_of, number, whole, xor_of
 
-NAME = "cerulean-dvkfc"
-STREAM = Stream(lambda _: Lines())
 _BEAMS = 3
 _LEAST_RANGE_CONFIDENCE = 25.0
-_FORM = pattern(rb"DV[A-Z]{2,4}", 600)
 _FIELDS = 27
 _MARKS = {1: b"24577", 5: b"[A]", 12: b"[B]", 19: b"[C]", 26: b"0x0055AAFF"}
 """Version, the cones and the end, by field."""
 _COUNT, _TIME = 2, 4
 _CONES = [field for first in (6, 13, 20) for field in range(first, first + 6)]
-
-
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
-    return b"$DVKFC," in head
-
-
-def _fits(text: bytes, given: int) -> bool:
-    """Either of the two sums."""
-    return given in {xor_of(text), crc8_of(text, 0x131)}
 
 
 def _numbers(fields: list[bytes]) -> list[float] | None:
@@ -44,52 +30,45 @@ def _numbers(fields: list[bytes]) -> list[float] | None:
     return found if sound and 0.0 <= found[0] < 1e9 else None
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The cones of every `$DVKFC`.
+class _Decoder(SentenceDecoder):
+    """The cones of every `$DVKFC`; per cone gain, cycles, range, range confidence, velocity, velocity confidence."""
 
-    Raises:
-        DataError: where there is none.
-    """
-    account = Account(unit="line")
-    position, found = [], []
-    for line, text in sentences(data, _FORM, (b"DVKFC",), _fits, account, trust=options.ignore_checksum):
+    form = SentenceDecoder.pattern(rb"DV[A-Z]{2,4}", 600)
+    wanted = (b"DVKFC",)
+
+    def fits(self, text: bytes, given: int) -> bool:
+        """Either of the two sums."""
+        return given in {xor_of(text), crc8_of(text, 0x131)}
+
+    def sentence(self, position: int, text: bytes) -> None:
+        """Takes a `$DVKFC`."""
         numbers = _numbers(text.split(b","))
         if numbers is None:
-            account.skip("sentence with wrong fields or version", line, text)
-        else:
-            position.append(line)
-            found.append(numbers)
-    table = _table(position, found, account, negate=options.negate_beams)
-    raise_if_empty(account, place, "$DVKFC sentence")
-    return Recording(
-        format=NAME,
-        table=table,
-        account=account,
-        frame="none",
-        clock="seconds since the instrument's start",
-        time_of="record",
-        quality="velocity confidence as recorded",
-        notes=[
-            "a cone has no flag: it counts as valid from a range confidence of 25 on, as the manufacturer advises",
-            "the sentence has no velocity of the instrument's own",
-        ],
-    )
+            self.account.skip("sentence with wrong fields or version", position, text)
+            return
+        _, _, distance, sure, velocity, quality = (numbers[k::6] for k in range(1, 7))
+        row = Row(
+            position=position,
+            time_ns=round(numbers[0] * 1e9),
+            velocity=velocity,
+            valid=[one >= _LEAST_RANGE_CONFIDENCE for one in sure],
+            range_m=[one if one > 0.0 else NAN for one in distance],
+            quality=quality,
+            extra={f"beam{k + 1}_range_confidence": one for k, one in enumerate(sure)},
+        )
+        self.rows.append(row)
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`."""
+        return replace(
+            self.tables("$DVKFC sentence", _BEAMS),
+            clock="seconds since the instrument's start",
+            quality="velocity confidence as recorded",
+            notes=[
+                "a cone has no flag: it counts as valid from a range confidence of 25 on, as the manufacturer advises",
+                "the sentence has no velocity of the instrument's own",
+            ],
+        )
 
 
-def _table(position: list[int], found: list[list[float]], account: Account, *, negate: bool) -> BeamTable:
-    """Per cone: gain, cycles, range, range confidence, velocity, velocity confidence."""
-    values = np.array(found).reshape(-1, 1 + len(_CONES))
-    cones = values[:, 1:].reshape(-1, _BEAMS, 6)
-    _, _, distance, sure, velocity, quality = np.moveaxis(cones, 2, 0)
-    return make_table(
-        account,
-        _BEAMS,
-        position,
-        np.rint(values[:, 0] * 1e9).astype(np.int64),
-        velocity,
-        sure >= _LEAST_RANGE_CONFIDENCE,
-        range_m=np.where(distance > 0.0, distance, NAN),
-        quality=quality,
-        extra={f"beam{k + 1}_range_confidence": sure[:, k] for k in range(_BEAMS)},
-        negate=negate,
-    )
+FORMAT = Format("cerulean-dvkfc", "Cerulean Tracker 650 $DVKFC", lambda head: b"$DVKFC," in head, _Decoder)

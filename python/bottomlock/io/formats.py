@@ -1,6 +1,6 @@
 """Registry of the formats of `bottomlock convert`, and detection of a file's format.
 
-A new format is a module with `NAME`, `sniff` and `read` (for live use also `STREAM`), and a line in `BYTES` or `PATHS`.
+A new format, for files and live, is a module with its `FORMAT`, and a line in `BYTES`.
 """
 
 import codecs
@@ -32,7 +32,6 @@ from bottomlock.io import (
     waterlinked_serial,
 )
 from bottomlock.io.beam_table import Recording
-from bottomlock.io.framing import Stream
 from bottomlock.io.log_stream import velocities_recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
@@ -45,17 +44,6 @@ _TIMES_ITS_SIZE = 10.0
 
 
 @dataclass(frozen=True)
-class Format:
-    """A format read from bytes: name, title, detection from the file's beginning, reader, and its stream, if any."""
-
-    name: str
-    title: str
-    sniff: Callable[[bytes], bool]
-    read: Callable[[bytes, str, Options], Recording]
-    stream: Stream | None = None
-
-
-@dataclass(frozen=True)
 class PathFormat:
     """A format read from a path: by a library, with a map, or as one stream of a log of many."""
 
@@ -63,10 +51,6 @@ class PathFormat:
     title: str
     sniff: Callable[[Path, bytes], bool]
     read: Callable[[Path, str, Options], Recording]
-
-
-def _format(module: Any, title: str) -> Format:  # noqa: ANN401 - modules have no common type
-    return Format(module.NAME, title, module.sniff, module.read, getattr(module, "STREAM", None))
 
 
 def _autopilot(module: Any, title: str, sniff: Callable[[bytes], bool]) -> PathFormat:  # noqa: ANN401 - as above
@@ -79,21 +63,17 @@ def _autopilot(module: Any, title: str, sniff: Callable[[bytes], bool]) -> PathF
     return PathFormat(module.NAME, title, lambda _, head: sniff(head), read)
 
 
-def _no_file(_: bytes) -> bool:
-    return False
-
-
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
-    _format(linkquest, "LinkQuest NavQuest, CSV of a ROS log"),
-    _format(nortek_ascii, "Nortek $PNORBT0, $PNORBT1"),
-    _format(cerulean, "Cerulean Tracker 650 $DVKFC"),
-    _format(waterlinked_json, "Water Linked TCP, JSON v1 to v3"),
-    _format(waterlinked_serial, "Water Linked serial, wrz, wru"),
-    _format(nucleus, "Nortek Nucleus1000, binary"),
-    _format(nortek_dvl, "Nortek DVL500/1000, DF21 and DF22"),
-    _format(nortek_ad2cp, "Nortek AD2CP bottom track, DF20"),
-    _format(pd0, "Teledyne PD0, bottom track"),
+    linkquest.FORMAT,
+    nortek_ascii.FORMAT,
+    cerulean.FORMAT,
+    waterlinked_json.FORMAT,
+    waterlinked_serial.FORMAT,
+    nucleus.FORMAT,
+    nortek_dvl.FORMAT,
+    nortek_ad2cp.FORMAT,
+    pd0.FORMAT,
 )
 PATHS = (
     PathFormat(ros.NAME, "messages of DVLs in ROS 1/2 bags, MCAP", ros.sniff_path, ros.read_path),
@@ -102,25 +82,9 @@ PATHS = (
     PathFormat(table.NAME, "CSV or Parquet, with a column map", table.sniff_path, table.read_path),
 )
 NAMES = tuple(one.name for one in (*BYTES, *PATHS))
-STREAMS = {one.name: one for one in BYTES if one.stream is not None}
-"""Formats with beams that come as a stream, too."""
-MESSAGES = {
-    one.name: one
-    for one in (
-        Format(
-            ros.NAME_MESSAGE, "marine_acoustic_msgs/Dvl, a message", _no_file, ros.read_message, ros.STREAM
-        ),
-        Format(
-            ros_waterlinked.NAME_MESSAGE,
-            "dvl_msgs/DVL, a message",
-            _no_file,
-            ros_waterlinked.read_message,
-            ros_waterlinked.STREAM,
-        ),
-    )
-}
+MESSAGES = (ros.FORMAT, ros_waterlinked.FORMAT)
 """Messages with beams: each is a record, of none there is a file."""
-LIVE = STREAMS | MESSAGES
+LIVE = {one.name: one for one in (*BYTES, *MESSAGES) if one.live}
 """Formats with beams that come one ping after the other."""
 
 

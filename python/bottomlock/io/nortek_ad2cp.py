@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
 from bottomlock.io.binary_records import bytes_of, fields_at, numbered
-from bottomlock.io.framing import Stream
+from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import (
     AVERAGE_AD2CP,
@@ -25,10 +25,8 @@ from bottomlock.io.nortek_frames import (
     kinds,
     struct_tm_ns,
 )
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
-NAME = "nortek-ad2cp"
-STREAM = Stream(lambda _: framer(), kind=BOTTOM_AD2CP, water=(BURST_AD2CP, AVERAGE_AD2CP))
 _BEAMS = 4
 _HEAD = np.dtype(
     [
@@ -61,12 +59,12 @@ _BLANKING_IN_CM = 1 << 1
 _NO_VELOCITY = -32768
 
 
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format: also one that begins with its text record."""
+def _sniff(head: bytes) -> bool:
+    """Whether the beginning of a file looks like it: also one that begins with its text record."""
     return b"\xa5" in head and bool(kinds(head) & {BOTTOM_AD2CP, BURST_AD2CP, AVERAGE_AD2CP, 0x18, 0xA0})
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def _read(data: bytes, place: str, options: Options) -> Recording:
     """The bottom-track records of a file, and its profiles.
 
     Raises:
@@ -92,7 +90,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     water = _water(data, found, account, options)
     raise_if_empty(account, place, "bottom-track record (DF20)", water, options)
     return Recording(
-        format=NAME,
+        format=FORMAT.name,
         table=table,
         account=account,
         frame="none",
@@ -199,3 +197,13 @@ def _cells(data: bytes, profiles: Frames, account: Account, options: Options) ->
         quality=percent * 2.55,
         negate=options.negate_beams,
     )
+
+
+FORMAT = binary(
+    "nortek-ad2cp",
+    "Nortek AD2CP bottom track, DF20",
+    _sniff,
+    framer,
+    _read,
+    (BOTTOM_AD2CP, BURST_AD2CP, AVERAGE_AD2CP),
+)

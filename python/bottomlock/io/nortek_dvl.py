@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
-from bottomlock.io.framing import Stream
+from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, framer, frames, kinds, struct_tm_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
-NAME = "nortek-dvl"
-STREAM = Stream(lambda _: framer(), kind=BOTTOM_DVL, water=(WATER_DVL,), figures=True)
 _BEAMS = 4
 _DATA = np.dtype(
     [
@@ -32,12 +30,11 @@ _DATA = np.dtype(
 UNSURE = "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it"
 
 
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
+def _sniff(head: bytes) -> bool:
     return b"\xa5" in head and BOTTOM_DVL in kinds(head)
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def _read(data: bytes, place: str, options: Options) -> Recording:
     """The bottom-track records of a stream, and its water track.
 
     Raises:
@@ -56,7 +53,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     water = _water(data, found.where(found.kind == WATER_DVL), account, options)
     raise_if_empty(account, place, "bottom-track record (DF21, DF22)", water, options)
     return Recording(
-        format=NAME,
+        format=FORMAT.name,
         table=table,
         account=account,
         frame="instrument",
@@ -182,3 +179,14 @@ def vertical_note(table: BeamTable) -> list[str]:
     return [
         f"{against}: check with `bottomlock audit`; if z points to the bottom, convert with --negate-beams"
     ]
+
+
+FORMAT = binary(
+    "nortek-dvl",
+    "Nortek DVL500/1000, DF21 and DF22",
+    _sniff,
+    framer,
+    _read,
+    (BOTTOM_DVL, WATER_DVL),
+    figures=True,
+)

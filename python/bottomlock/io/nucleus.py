@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import fields_at
-from bottomlock.io.framing import Stream
+from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, framer, frames, kinds
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
-NAME = "nucleus"
-STREAM = Stream(lambda _: framer(), kind=BOTTOM_NUCLEUS, water=(WATER_NUCLEUS,), figures=True)
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}
@@ -33,12 +31,11 @@ _DATA = np.dtype(
 )  # fmt: skip
 
 
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
+def _sniff(head: bytes) -> bool:
     return b"\xa5" in head and bool(kinds(head) & _NUCLEUS_RECORDS)
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def _read(data: bytes, place: str, options: Options) -> Recording:
     """The bottom-track records of a stream, and its water track.
 
     Raises:
@@ -62,7 +59,7 @@ def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
     )
     raise_if_empty(account, place, "bottom-track record of a Nucleus", water, options)
     return Recording(
-        format=NAME,
+        format=FORMAT.name,
         table=table,
         account=account,
         frame="instrument",
@@ -134,3 +131,14 @@ def _flags(fields: NDArray[Any]) -> Flags:
 def _time_ns(fields: NDArray[Any]) -> Integers:
     """(n,) the clock."""
     return np.asarray((fields["seconds"].astype(np.int64) * 1_000_000 + fields["micros"]) * 1000)
+
+
+FORMAT = binary(
+    "nucleus",
+    "Nortek Nucleus1000, binary",
+    _sniff,
+    framer,
+    _read,
+    (BOTTOM_NUCLEUS, WATER_NUCLEUS),
+    figures=True,
+)

@@ -31,12 +31,12 @@ from bottomlock.io.binary_records import (
     numbered,
     words_at,
 )
-from bottomlock.io.framing import Binary, Stream
+from bottomlock.io.decoder import binary
+from bottomlock.io.framing import Binary, Framer
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
-from bottomlock.io.rows import NAN, PLAIN, Options, lost, make_table, make_water, raise_if_empty, running_sums
+from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty, running_sums
 
-NAME = "pd0"
 _BEAMS = 4
 FRAMES = ("beam", "instrument", "ship", "earth")
 _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
@@ -80,8 +80,8 @@ ADVICE = {
 }
 
 
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format: a header, perhaps after some text."""
+def _sniff(head: bytes) -> bool:
+    """Whether the beginning of a file looks like it: a header, perhaps after some text."""
     start = _header_places(head)
     return bool(_Types(head, start, words_at(bytes_of(head), start + 2)).sound.any())
 
@@ -116,7 +116,8 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, last + 2, fits, last - start < _LEAST)
 
 
-STREAM = Stream(lambda _: Binary(_headers, 6 + 2 * 0xFF + 2))
+def _framer() -> Framer:
+    return Binary(_headers, 6 + 2 * 0xFF + 2)
 
 
 class _Types:
@@ -305,7 +306,7 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
     )
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
+def _read(data: bytes, place: str, options: Options) -> Recording:
     """The bottom-track pings of a file.
 
     Beam velocities where ensembles are in beam coordinates. Of other coordinates `instrument_only` makes a table of the
@@ -495,7 +496,7 @@ def _recording(
     elif pings.recorded.any():
         corrected.append("beams recovered from axes and error velocity, of solutions of four beams")
     return Recording(
-        format=NAME,
+        format=FORMAT.name,
         table=table,
         account=account,
         frame=_TABLE_FRAMES[frame],
@@ -509,3 +510,6 @@ def _recording(
         facts={"coordinates": FRAMES[pings.recorded[0]], "beam_angle_deg": angle, "looks_up": up},
         water=water,
     )
+
+
+FORMAT = binary("pd0", "Teledyne PD0, bottom track", _sniff, _framer, _read)

@@ -10,8 +10,8 @@ Source: Robotic-Decision-Making-Lab/waterlinked_dvl (Water Linked's ROS 2 driver
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +19,14 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io import ros_waterlinked
-from bottomlock.io.beam_table import Account, BeamTable, Recording
-from bottomlock.io.framing import Framer, Stream
-from bottomlock.io.ros_messages import DEFINITIONS, decode, stamp_ns
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, raise_if_empty
+from bottomlock.io.beam_table import BeamTable, Recording
+from bottomlock.io.decoder import Format, MessageDecoder, Row
+from bottomlock.io.ros_messages import DEFINITIONS, stamp_ns
+from bottomlock.io.rows import NAN, PLAIN, Options
 from bottomlock.io.sentences import printable
 from bottomlock.support.extras import install
 
 NAME = "ros"
-NAME_MESSAGE = "ros-dvl"
-STREAM = Stream(lambda _: Framer(), repeats=True, figures=True)
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")
 _BEAMS = 4
 _BOTTOM, _WATER = 1, 2
@@ -112,60 +110,40 @@ def read_path(path: Path, place: str, options: Options = PLAIN) -> Recording:
     Raises:
         DataError: for a bag that the library cannot read, without or with several such topics, or without pings.
     """
-    account = Account(unit="message")
-    pings = _Pings(account, options)
-    others: list[tuple[int, Any]] = []
+    pings: MessageDecoder = _Decoder(place, options)
+    account = pings.account
     try:
         for position, (arrival_ns, message) in enumerate(_messages(path, options, place), 1):
             account.read += 1
-            if not hasattr(message, "beam_velocity"):
-                others.append((position, message))
-                continue
-            pings.add(position, arrival_ns, message)
+            if not hasattr(message, "beam_velocity") and isinstance(pings, _Decoder):
+                pings = ros_waterlinked.WaterLinkedDecoder(place, options)
+                pings.account = account
+            pings.message(position, arrival_ns, message)
     except DataError:
         raise
     # A damaged bag raises whatever the library's parts raise; the user needs the file's name and the reason.
     except Exception as error:
         reason = printable(str(error).splitlines()[0])[:200] if str(error) else type(error).__name__
-        if not pings.columns and not others:
+        if not pings.rows:
             raise DataError(f"cannot be read as a bag ({reason})", place=place) from error
         account.skip("the bag breaks off here", account.read + 1, reason)
-    if others:
-        return ros_waterlinked.recording(NAME, others, account, place, options)
-    return pings.recording(place)
+    return pings.recording()
 
 
-def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The ping of one message, as ROS 2 serialises it.
+class _Decoder(MessageDecoder):
+    """The pings of `marine_acoustic_msgs/Dvl`."""
 
-    Raises:
-        DataError: for bytes that are no such message, and for one without a ping.
-    """
-    pings = _Pings(Account(unit="message", read=1), options)
-    message = decode(data, "marine_acoustic_msgs/Dvl")
-    pings.add(1, stamp_ns(message.header), message)
-    return pings.recording(place)
+    type = "marine_acoustic_msgs/Dvl"
 
-
-class _Pings:
-    """The pings of messages in their order.
-
-    Attributes:
-        columns: what `make_table` takes of each ping, by the argument's name.
-        extra: further columns by name.
-        geometry: the unit vectors of the messages that state them.
-    """
-
-    def __init__(self, account: Account, options: Options) -> None:
-        self.columns: defaultdict[str, list[Any]] = defaultdict(list)
-        self.extra: defaultdict[str, list[float]] = defaultdict(list)
-        self.geometry: list[list[list[float]]] = []
-        self._account, self._options = account, options
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._geometry: list[list[list[float]]] = []
         self._before = ""
 
-    def add(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
+    def message(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
         """Takes a message; beams that repeat the message before are no new measurement."""
-        account = self._account
+        account = self.account
         if message.velocity_mode == _WATER:
             account.pass_by("velocity through the water", position)
             return
@@ -188,7 +166,7 @@ class _Pings:
                 account.skip(_UNRESOLVED, position, f"num_good_beams = {message.num_good_beams}")
                 return
         if any(map(any, unit)):
-            self.geometry.append(unit)
+            self._geometry.append(unit)
         if sum(good) < message.num_good_beams:
             account.flag(
                 "num_good_beams disagrees with the beams",
@@ -202,55 +180,45 @@ class _Pings:
         self._before = beams
         if stale:
             account.flag("stale repeat", position)
-            if not self._options.keep_stale:
+            if not self.options.keep_stale:
                 good = [False] * _BEAMS
         spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
-        axes = (float(message.velocity.x), float(message.velocity.y), float(message.velocity.z))
-        ping = {
-            "position": position,
-            "time_ns": stamp_ns(message.header),
-            "velocity": velocity,
-            "valid": good,
-            "range_m": [r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
-            "quality": quality,
-            "sd": [math.sqrt(v) if v > 0.0 else NAN for v in map(float, message.beam_velocity_covar)],
-            "instrument": axes,
-            "verdict": int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
-            "arrival_ns": int(arrival_ns),
-            "stale": stale,
-        }
-        for name, value in ping.items():
-            self.columns[name].append(value)
-        self.extra["altitude_m"].append(float(message.altitude) if message.altitude > 0.0 else NAN)
-        self.extra["instrument_sd_mps"].append(math.sqrt(max(spread)) if min(spread) > 0.0 else NAN)
-        self.extra["sound_speed_mps"].append(float(message.sound_speed) if message.sound_speed > 0.0 else NAN)
-
-    def recording(self, place: str) -> Recording:
-        """The table of the pings and what is known of it.
-
-        Raises:
-            DataError: where no message is a ping.
-        """
-        if not self.columns:
-            raise_if_empty(self._account, place, TYPES[0])
-        table = make_table(
-            self._account, _BEAMS, extra=self.extra, negate=self._options.negate_beams, **self.columns
+        axes = [float(message.velocity.x), float(message.velocity.y), float(message.velocity.z)]
+        altitude, sound = float(message.altitude), float(message.sound_speed)
+        row = Row(
+            position=position,
+            time_ns=stamp_ns(message.header),
+            velocity=velocity,
+            valid=good,
+            range_m=[r if message.beam_ranges_valid and r > 0.0 else NAN for r in ranges],
+            quality=quality,
+            sd=[math.sqrt(v) if v > 0.0 else NAN for v in map(float, message.beam_velocity_covar)],
+            instrument=axes,
+            verdict=int(all(math.isfinite(v) for v in axes) and message.num_good_beams >= 3),
+            arrival_ns=int(arrival_ns),
+            stale=stale,
+            extra={
+                "altitude_m": altitude if altitude > 0.0 else NAN,
+                "instrument_sd_mps": math.sqrt(max(spread)) if min(spread) > 0.0 else NAN,
+                "sound_speed_mps": sound if sound > 0.0 else NAN,
+            },
         )
-        raise_if_empty(self._account, place, TYPES[0])
-        geometry = self.geometry
+        self.rows.append(row)
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`."""
+        found, geometry = self.tables(TYPES[0], _BEAMS), self._geometry
         unit = np.array(geometry[0]) if geometry else np.zeros((_BEAMS, 3))
         across, down = _DRIVER_UNIT
         wrong = bool(np.allclose(np.abs(unit), [across, across, down], atol=1e-6))
-        notes = _notes(table, unit, same=all(one == geometry[0] for one in geometry))
+        notes = _notes(found.table, unit, same=all(one == geometry[0] for one in geometry))
         if wrong:
             notes.append(
                 "beam_unit_vec is 67.5 deg from down, a mistake of Water Linked's driver: it is not used"
             )
-        return Recording(
+        return replace(
+            found,
             format=NAME,
-            table=table,
-            account=self._account,
-            frame="frd",
             clock="the message's header, nanoseconds since 1970",
             time_of="validity",
             quality="beam_quality as recorded; its meaning is the driver's",
@@ -285,3 +253,6 @@ def _notes(table: BeamTable, unit: np.ndarray[Any, Any], *, same: bool) -> list[
                 "beam velocities are opposite to beam_unit_vec . velocity: convert with --negate-beams"
             )
     return notes
+
+
+FORMAT = Format("ros-dvl", "marine_acoustic_msgs/Dvl, a message", lambda _: False, _Decoder, figures=True)

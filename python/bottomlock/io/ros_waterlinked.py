@@ -6,19 +6,15 @@ package of its own. The stamp of their header is when the driver received the re
 Source: waterlinked/dvl-a50-ros-driver and paagutie/dvl-a50, msg/DVL.msg, msg/DVLBeam.msg and the code that fills them.
 """
 
-from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
-from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.framing import Framer, Stream
-from bottomlock.io.ros_messages import LATER_DVL, decode, stamp_ns
-from bottomlock.io.rows import PLAIN, Options, raise_if_empty
-from bottomlock.io.waterlinked_json import Reports
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.decoder import Format, MessageDecoder
+from bottomlock.io.ros_messages import LATER_DVL, stamp_ns
+from bottomlock.io.waterlinked_json import ReportDecoder
 
-NAME_MESSAGE = "ros-dvl-msgs"
-STREAM = Stream(lambda _: Framer(), repeats=True)
-_TYPE = "dvl_msgs/DVL"
+_BEAMS = 4
 _FIELDS = {"header", "velocity", "fom", "altitude", "beams", "velocity_valid"}
 _OF_BEAM = {"id", "velocity", "distance", "rssi", "nsd", "valid"}
 
@@ -34,74 +30,54 @@ def fits(fielddefs: dict[str, Any], kind: str) -> bool:
     return of in fielddefs and {name for name, _ in fielddefs[of][1]} >= _OF_BEAM
 
 
-def read_message(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """The ping of one `dvl_msgs/DVL`, of either version, as ROS 2 serialises it.
+class WaterLinkedDecoder(MessageDecoder, ReportDecoder):
+    """The pings of such messages, in either version of `dvl_msgs/DVL` where ROS 2 has serialised them."""
 
-    Raises:
-        DataError: for bytes that are no such message, and for one without a ping.
-    """
-    return recording(NAME_MESSAGE, [(1, _decoded(data))], Account(unit="message", read=1), place, options)
+    type = "dvl_msgs/DVL"
+    later = LATER_DVL
 
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._read = self._validity = 0
 
-def _decoded(data: bytes) -> Any:  # noqa: ANN401 - as the definition says
-    """The message in the version that the bytes hold from their first to their last."""
-    try:
-        return decode(data, _TYPE)
-    except DataError as first:
-        try:
-            return decode(data, _TYPE, LATER_DVL)
-        except DataError:
-            raise first from None
-
-
-def recording(
-    name: str, messages: Iterable[tuple[int, Any]], account: Account, place: str, options: Options
-) -> Recording:
-    """The pings of such messages.
-
-    Args:
-        name: of the format.
-        messages: number and message, in the order of the bag.
-        account: takes what becomes of them.
-        place: the file, for errors.
-        options: settings of the reader.
-
-    Raises:
-        DataError: where no message is a ping.
-    """
-    reports, validity = Reports(account, keep_stale=options.keep_stale), 0
-    for position, message in messages:
-        time_ns = stamp_ns(message.header)
-        own_us = int(getattr(message, "time_of_validity", 0))
+    def message(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
+        """Takes a message; when it came says nothing that its header does not."""
+        del arrival_ns
+        time_ns, own_us = stamp_ns(message.header), int(getattr(message, "time_of_validity", 0))
+        self._read += 1
         if own_us > 0:
-            validity += 1
+            self._validity += 1
             time_ns = own_us * 1000
-        reports.add(position, time_ns, _report(message))
-    table = reports.table(negate=options.negate_beams)
-    raise_if_empty(account, place, "message of a DVL")
-    measured = 0 < validity == account.read
-    notes = []
-    if not measured:
-        notes.append(
-            "the stamp is when the driver received a report, later than the ping; the instrument's own log has "
-            "the time of validity"
+        self.report(position, time_ns, _report(message))
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`."""
+        found, validity = self.tables("message of a DVL", _BEAMS), self._validity
+        measured = 0 < validity == self._read
+        notes = []
+        if not measured:
+            notes.append(
+                "the stamp is when the driver received a report, later than the ping; the instrument's own log has "
+                "the time of validity"
+            )
+        if 0 < validity < self._read:
+            notes.append(f"only {validity} of {self._read} messages have a time of validity: the clock jumps")
+        return replace(
+            found,
+            format="ros",
+            clock="the instrument's, microseconds since 1970"
+            if measured
+            else "the message's header, the driver's host",
+            time_of="validity" if measured else "arrival",
+            quality="signal strength rssi as recorded (dBm from json_v2 on)",
+            geometry="waterlinked_a50",
+            notes=notes,
+            facts={"formats": dict(sorted(self.formats.items()))},
         )
-    if 0 < validity < account.read:
-        notes.append(f"only {validity} of {account.read} messages have a time of validity: the clock jumps")
-    return Recording(
-        format=name,
-        table=table,
-        account=account,
-        frame="frd",
-        clock="the instrument's, microseconds since 1970"
-        if measured
-        else "the message's header, the driver's host",
-        time_of="validity" if measured else "arrival",
-        quality="signal strength rssi as recorded (dBm from json_v2 on)",
-        geometry="waterlinked_a50",
-        notes=notes,
-        facts={"formats": dict(sorted(reports.formats.items()))},
-    )
+
+
+FORMAT = Format("ros-dvl-msgs", "dvl_msgs/DVL, a message", lambda _: False, WaterLinkedDecoder)
 
 
 def _report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - the library's own objects

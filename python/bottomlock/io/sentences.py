@@ -1,14 +1,8 @@
 """Text records: lines, sentences, numbers, checksums, and how they are shown."""
 
 import functools
-import io
 import operator
-from collections.abc import Iterator
 
-from bottomlock.io.progress import reporter
-
-_BLOCK = 1 << 18
-"""Bytes between two reports of progress."""
 LONGEST_LINE = 4096
 """Longest line that is searched for a sentence; no instrument's sentence is longer."""
 
@@ -94,15 +88,3 @@ def hexadecimal(text: bytes) -> int | None:
         return int(text, 16)
     except ValueError:
         return None
-
-
-def lines_of(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Number, from 1, and text of the lines that are not empty, without line ends, blanks and NULs around them."""
-    report, at, told = reporter(), 0, 0
-    for position, line in enumerate(io.BytesIO(data), 1):
-        at += len(line)
-        if report is not None and at >= told + _BLOCK:
-            report(at)
-            told = at
-        if solid := line.strip(b"\r\n \t\x00"):
-            yield position, solid

@@ -9,22 +9,15 @@ bottom: it is a ping whose beams have no bottom, and a cell of the water.
 Source: Water Linked, TCP JSON API of the A50 and A125, and "Water tracking".
 """
 
-import contextlib
 import json
 import math
-import re
-from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
+from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.decoder import Decoder, Format, LineDecoder, Row
+from bottomlock.io.rows import NAN
 
-from bottomlock.io.beam_table import Account, BeamTable, Floats, Recording, WaterTable
-from bottomlock.io.framing import Lines, Stream
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
-from bottomlock.io.sentences import lines_of
-
-LONGEST_JSON = 65_536
-"""Longest line that is read as a report, bytes."""
 # A report that begins within a line, after one that was cut off.
 _RESTARTS = ('{"time"', '{"ts"', '{"type"')
 _MOST_RESTARTS = 8
@@ -41,35 +34,6 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 _DECODER = json.JSONDecoder(object_pairs_hook=_object)
 
 Object = dict[str, Any]
-
-
-def objects(
-    data: bytes, other: Callable[[Object], str | None], account: Account
-) -> Iterator[tuple[int, Object]]:
-    """The objects of a file, with the number of their line; what else there is goes to the account.
-
-    Args:
-        data: the file.
-        other: the kind of an object that is passed by, None for one that is wanted.
-        account: for the counts.
-    """
-    for position, line in lines_of(data):
-        account.read += 1
-        if len(line) > LONGEST_JSON:
-            account.skip("line too long", position, line)
-            continue
-        found, damaged = _parse(line.decode("utf-8", "replace"))
-        account.read += len(found) + damaged - 1
-        if damaged:
-            account.skip("merged line" if found else "truncated", position, line)
-        elif len(found) > 1:
-            account.flag("merged line, all of it read", position)
-        for one in found:
-            kind = other(one)
-            if kind is None:
-                yield position, one
-            else:
-                account.pass_by(kind, position)
 
 
 def _parse(text: str) -> tuple[list[Object], bool]:
@@ -95,21 +59,9 @@ def _parse(text: str) -> tuple[list[Object], bool]:
     return found, damaged
 
 
-NAME = "waterlinked-json"
-STREAM = Stream(
-    lambda _: Lines(LONGEST_JSON),
-    transmission=re.compile(rb'"time_of_transmission"\s{0,4}:\s{0,4}([0-9]{1,18})'),
-    repeats=True,
-    sums=True,
-)
 _BEAMS = 4
 WATER_RANGE_M = 3.0 / math.cos(math.radians(22.5))
 """Along the beam to the middle of the layer of water that the instrument measures, 1.5 m to 4.5 m below it."""
-
-
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
-    return b'"transducers"' in head or (b'"format":"json_v' in head.replace(b" ", b"") and b'"vx"' in head)
 
 
 def _float(value: object) -> float:
@@ -218,159 +170,131 @@ def _other(report: dict[str, Any]) -> str | None:
     return "reply" if "response_to" in report else "unknown object"
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """Velocity reports of a recorded stream.
-
-    Raises:
-        DataError: where there is no velocity report with transducers.
-    """
-    account = Account(unit="line")
-    reports, clock = (
-        Reports(account, keep_stale=options.keep_stale),
-        _Clock(distinct=options.clock == "distinct"),
-    )
-    last: dict[str, Any] | None = None
-    for position, report in objects(data, _other, account):
-        time_ns = clock.time_ns(report, position, account, repeat=report == last)
-        last = report
-        if time_ns is not None:
-            reports.add(position, time_ns, report)
-    table, water = reports.table(negate=options.negate_beams), reports.water(negate=options.negate_beams)
-    raise_if_empty(account, place, "velocity report with transducers")
-    absolute = bool(clock.absolute)
-    return Recording(
-        format=NAME,
-        table=table,
-        account=account,
-        frame="frd",
-        clock="the instrument's, microseconds since 1970 where it is set" if absolute else "sum of intervals",
-        time_of="validity" if absolute else "record",
-        quality="signal strength rssi as recorded (dBm from json_v2 on)",
-        geometry="waterlinked_a50",
-        notes=clock.notes(account),
-        facts={"formats": dict(sorted(reports.formats.items()))},
-        water=water,
-    )
+_OF_BEAM = ("velocity", "distance", "rssi", "nsd")
+_OF_REPORT = ("vx", "vy", "vz", "altitude", "fom")
 
 
-class Reports:
-    """Velocity reports of a stream or of a driver's messages, their numbers as they stand until `table`.
+class ReportDecoder(Decoder):
+    """Velocity reports of a stream or of a driver's messages.
 
     Attributes:
         formats: how many reports there are of each version.
     """
 
-    def __init__(self, account: Account, *, keep_stale: bool) -> None:
+    frame = "frd"
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
         self.formats: dict[str, int] = {}
-        self._account, self._keep_stale = account, keep_stale
-        self._position: list[int] = []
-        self._time_ns: list[int] = []
-        self._numbers: list[object] = []
-        self._valid: list[list[bool]] = []
-        self._verdict: list[int] = []
-        self._stale: list[bool] = []
-        self._through_water: list[bool] = []
         self._before: list[tuple[Any, ...]] | None = None
 
-    def add(self, position: int, time_ns: int, report: dict[str, Any]) -> None:
+    def report(self, position: int, time_ns: int, report: Object, sent_ns: int | None = None) -> None:
         """Takes a report; beams that repeat the report before hold no new measurement."""
-        beams = _transducers(report)
+        account, beams = self.account, _transducers(report)
         if beams is None:
-            self._account.skip("transducers are not a list with ids 0 to 3", position)
+            account.skip("transducers are not a list with ids 0 to 3", position)
             return
         if len({frozenset(beam) for beam in beams if beam}) > 1:
             # Bytes lost from one number to another leave whole JSON without a field.
-            self._account.skip("transducers with different fields", position)
+            account.skip("transducers with different fields", position)
             return
         if 0 < len(report.keys() & _OF_REPORT) < len(_OF_REPORT):
-            self._account.skip("velocity without one of its fields", position)
+            account.skip("velocity without one of its fields", position)
             return
         version = str(report.get("format", "none"))[:20]
         self.formats[version] = self.formats.get(version, 0) + 1
         said = [None if b is None else b.get("beam_valid") for b in beams]
         valid = [one is True for one in said]
         if None in beams:
-            self._account.flag("transducer missing", position)
+            account.flag("transducer missing", position)
         if any(b is not None and not isinstance(one, bool) for b, one in zip(beams, said, strict=True)):
-            self._account.flag("transducer without beam_valid", position)
+            account.flag("transducer without beam_valid", position)
         block = [tuple(map(b.get, _OF_BEAM)) if b else () for b in beams]
         # All beams lost reads alike from ping to ping without being a repeat; nor is 1 the same record as 1.0.
         stale = any(valid) and block == self._before and repr(block) == repr(self._before)
         self._before = block
         if stale:
-            self._account.flag("stale repeat", position)
-            if not self._keep_stale:
+            account.flag("stale repeat", position)
+            if not self.options.keep_stale:
                 valid = [False] * _BEAMS
         verdict = report.get("velocity_valid")
         through_water = _of_water(report)
         if through_water:
-            self._account.flag("velocity through the water: no beam has the bottom", position)
-            verdict = False
-        self._position.append(position)
-        self._time_ns.append(time_ns)
-        for numbers in block:
-            self._numbers += numbers or _NONE
-        self._numbers += map(report.get, _OF_REPORT)
-        self._valid.append(valid)
-        self._through_water.append(through_water)
-        self._verdict.append(int(verdict) if isinstance(verdict, bool) else -1)
-        self._stale.append(stale)
-
-    def table(self, *, negate: bool) -> BeamTable:
-        """The table; a report of the water has nothing of the bottom."""
-        through_water = np.array(self._through_water, dtype=bool)[:, None]
-        values = np.where(through_water, NAN, self._values)
-        velocity, distance, rssi, noise = (values[:, k : 4 * _BEAMS : 4] for k in range(len(_OF_BEAM)))
-        altitude, fom = values[:, -2], values[:, -1]
-        return make_table(
-            self._account,
-            _BEAMS,
-            self._position,
-            self._time_ns,
-            velocity,
-            np.array(self._valid, dtype=bool).reshape(-1, _BEAMS) & ~through_water,
-            range_m=np.where(distance >= 0.0, distance, NAN),
-            quality=rssi,
-            instrument=values[:, -5:-2],
-            verdict=self._verdict,
-            stale=self._stale,
-            extra={
-                "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
-                "instrument_sd_mps": fom,
-                **{f"beam{k + 1}_noise_dbm": noise[:, k] for k in range(_BEAMS)},
-            },
-            negate=negate,
+            account.flag("velocity through the water: no beam has the bottom", position)
+        velocity, distance, rssi, noise = zip(*(map(_float, one or _NONE) for one in block), strict=True)
+        x, y, z, altitude, fom = map(_float, map(report.get, _OF_REPORT))
+        noises = {f"beam{k + 1}_noise_dbm": one for k, one in enumerate(noise)}
+        row = Row(
+            position=position,
+            time_ns=time_ns,
+            velocity=list(velocity),
+            valid=valid,
+            range_m=[one if one >= 0.0 else NAN for one in distance],
+            quality=list(rssi),
+            instrument=[x, y, z],
+            verdict=int(verdict) if isinstance(verdict, bool) else -1,
+            stale=stale,
+            extra={"altitude_m": altitude if altitude >= 0.0 else NAN, "instrument_sd_mps": fom, **noises},
+            sent_ns=sent_ns,
+            water_m=WATER_RANGE_M if through_water else None,
         )
-
-    def water(self, *, negate: bool) -> WaterTable | None:
-        """The layer of the water of each of its reports, as cell 1."""
-        mine = np.flatnonzero(self._through_water)
-        return make_water(
-            self._account,
-            np.array(self._position, dtype=np.int64)[mine],
-            whole_times(self._time_ns)[mine],
-            np.ones(len(mine)),
-            np.full(len(mine), WATER_RANGE_M),
-            self._values[mine, 0 : 4 * _BEAMS : 4],
-            np.array(self._valid, dtype=bool).reshape(-1, _BEAMS)[mine],
-            negate=negate,
-        )
-
-    @property
-    def _values(self) -> Floats:
-        """(n, numbers) of every report: of each beam, then of the report itself."""
-        return _floats(self._numbers).reshape(-1, _BEAMS * len(_OF_BEAM) + len(_OF_REPORT))
+        self.rows.append(row)
 
 
-_OF_BEAM = ("velocity", "distance", "rssi", "nsd")
-_OF_REPORT = ("vx", "vy", "vz", "altitude", "fom")
 _NONE = (None,) * len(_OF_BEAM)
-_NUMBERS = {int, float, type(None)}
 
 
-def _floats(values: list[object]) -> Floats:
-    """JSON values as `_float`."""
-    if set(map(type, values)) <= _NUMBERS:
-        with contextlib.suppress(OverflowError):
-            return np.array(values, dtype=np.float64)
-    return np.array([_float(value) for value in values])
+class _Decoder(LineDecoder, ReportDecoder):
+    """An object a line."""
+
+    longest = 65_536
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._clock = _Clock(distinct=self.options.clock == "distinct")
+        self._last: Object | None = None
+
+    def line(self, position: int, line: bytes) -> None:
+        """Takes the objects of a line."""
+        account = self.account
+        found, damaged = _parse(line.decode("utf-8", "replace"))
+        account.read += len(found) + damaged
+        if damaged:
+            account.skip("merged line" if found else "truncated", position, line)
+        elif len(found) > 1:
+            account.flag("merged line, all of it read", position)
+        for one in found:
+            kind = _other(one)
+            if kind is not None:
+                account.pass_by(kind, position)
+                continue
+            time_ns = self._clock.time_ns(one, position, account, repeat=one == self._last)
+            self._last = one
+            if time_ns is not None:
+                sent = one.get("time_of_transmission")
+                sent_ns = sent * 1000 if self._clock.absolute and type(sent) is int and sent >= 0 else None
+                self.report(position, time_ns, one, sent_ns)
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`."""
+        absolute = bool(self._clock.absolute)
+        return replace(
+            self.tables("velocity report with transducers", _BEAMS),
+            clock="the instrument's, microseconds since 1970 where it is set"
+            if absolute
+            else "sum of intervals",
+            time_of="validity" if absolute else "record",
+            quality="signal strength rssi as recorded (dBm from json_v2 on)",
+            geometry="waterlinked_a50",
+            notes=self._clock.notes(self.account),
+            facts={"formats": dict(sorted(self.formats.items()))},
+        )
+
+
+def _sniff(head: bytes) -> bool:
+    return b'"transducers"' in head or (b'"format":"json_v' in head.replace(b" ", b"") and b'"vx"' in head)
+
+
+FORMAT = Format("waterlinked-json", "Water Linked TCP, JSON v1 to v3", _sniff, _Decoder)

@@ -7,28 +7,19 @@ alone, so logs of `wrx` and `wrt` have no beam velocities.
 """
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from itertools import accumulate, pairwise
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
-from bottomlock.io.framing import Stream, WaterLinkedLines
-from bottomlock.io.rows import NAN, PLAIN, Options, make_table, make_water, raise_if_empty, whole_times
-from bottomlock.io.sentences import LONGEST_LINE, crc8_of, lines_of, number, whole
+from bottomlock.io.beam_table import Account, Recording
+from bottomlock.io.decoder import Format, LineDecoder, Row
+from bottomlock.io.rows import NAN
+from bottomlock.io.sentences import crc8_of, number, whole
 from bottomlock.io.waterlinked_json import WATER_RANGE_M
 
-NAME = "waterlinked-serial"
-STREAM = Stream(
-    WaterLinkedLines,
-    transmission=re.compile(
-        rb"wr(?:z,[^,*\n]{0,200}|s)(?:,[^,*\n]{0,200}){8},([0-9]{1,18}),[^,*\n]{1,32},[^,*\n]{1,8}\*"
-    ),
-    sums=True,
-    lost=True,
-)
 _BEAMS = 4
 _MISSING = 1.5
 """Intervals between two reports from which on one is missing between them."""
@@ -52,11 +43,6 @@ ADVICE = (
 )
 
 
-def sniff(head: bytes) -> bool:
-    """Whether the beginning of a file looks like this format."""
-    return re.search(rb"(^|[\s\x00,])wr[zuxtps],-?\d", head) is not None
-
-
 Frame = tuple[bytes, bytes]
 """What a logger wrote before and behind a sentence, without its digits: a time stamp changes, its form does not."""
 
@@ -71,6 +57,7 @@ class _Ping:
         velocity: x, y, z, altitude, figure of merit, interval (ms).
         verdict: 1 and 0 as the instrument flags its velocity.
         validity_us: time of validity, None where there is none.
+        sent_us: time of transmission, None where there is none.
         frame: around the report.
         lines: those up to the next velocity report.
         beams: velocity, distance, rssi and nsd of transducers 0, 1, ...
@@ -81,47 +68,10 @@ class _Ping:
     velocity: list[float]
     verdict: int
     validity_us: int | None
+    sent_us: int | None
     frame: Frame
     lines: int = 1
     beams: list[list[float]] = field(default_factory=list)
-
-
-def _sentences(
-    line: bytes, position: int, account: Account, *, trust: bool
-) -> Iterator[tuple[bytes, Frame] | None]:
-    """The good sentences of a line, None where a line or sentence cannot be read; what is lost is counted."""
-    if len(line) > LONGEST_LINE:
-        account.read += 1
-        account.skip("line too long", position, line)
-        yield None
-        return
-    at = 0
-    while match := _SENTENCE.search(line, at):
-        text, digits = match.groups()
-        good = crc8_of(text, 0x107) == int(digits, 16)
-        inner = text.find(b"wr", 1)
-        account.read += 1
-        if not good and inner > 0:
-            # A sentence that was cut off, then a whole one: look again from the second.
-            account.skip("merged line", position, line)
-            at = match.start() + inner
-            yield None
-            continue
-        before, at = line[at : match.start()], match.end()
-        if good or trust:
-            if not good:
-                account.flag("bad checksum, kept on request", position, text)
-            yield text, (_shape(before), _shape(line[at:]))
-        else:
-            account.skip("bad checksum", position, match.group())
-            yield None
-    if not at:
-        account.read += 1
-        account.skip("truncated" if b"wr" in line else "not a sentence", position, line)
-        yield None
-    elif line[at:].strip():
-        account.read += 1
-        account.skip("truncated", position, line[at:])
 
 
 def _shape(around: bytes) -> bytes:
@@ -143,77 +93,8 @@ def _velocity(fields: list[bytes], position: int, frame: Frame) -> _Ping | None:
     water = fields[0] == b"wrs"
     if water:
         numbers[3] = NAN
-    validity_us = None if validity is None else whole(fields[validity])
-    return _Ping(position, water, numbers, int(fields[flag] == b"y"), validity_us, frame)
-
-
-class _Joining:
-    """Joins transducer reports to the velocity report before them.
-
-    The reports carry no number of their ping. The instrument sends a `wrz` and then `wru` 0, 1, 2, 3, so whatever
-    departs from that closes the ping: a line that cannot be read may have been the next `wrz`, and a missing number
-    shows a lost line.
-    """
-
-    def __init__(self, account: Account) -> None:
-        self.pings: list[_Ping] = []
-        self._account, self._open = account, False
-
-    def velocity(self, text: bytes, position: int, frame: Frame) -> None:
-        """A velocity opens a ping; a `wrx` is one without transducers."""
-        ping = _velocity(text.split(b","), position, frame)
-        self._open = ping is not None and not text.startswith(b"wrx")
-        if ping is None:
-            self._account.skip("velocity report with wrong fields", position, text)
-        else:
-            self.pings.append(ping)
-
-    def transducer(self, text: bytes, position: int, frame: Frame) -> None:
-        """A `wru`: joined where it is the next of the open ping; else it closes the ping and is skipped."""
-        fields = text.split(b",")
-        beam = _numbers(fields, (2, 3, 4, 5)) if len(fields) == 6 else None
-        if beam is None or fields[1] not in {b"0", b"1", b"2", b"3"}:
-            self._account.skip("transducer report with wrong fields", position, text)
-        elif not self.pings:
-            self._account.skip("transducer report before any velocity", position)
-        elif not self._open:
-            self._account.skip("transducer report after a lost line", position)
-        elif int(fields[1]) != len(self.pings[-1].beams) or frame != self.pings[-1].frame:
-            self._account.skip("transducer report without its velocity report", position)
-        else:
-            self.pings[-1].beams.append(beam)
-            self.pings[-1].lines += 1
-            self._account.pass_by("wru (joined to its wrz or wrs)", position)
-            return
-        self.lost()
-
-    def lost(self) -> None:
-        """A line that is not, or not as it was sent."""
-        self._open = False
-        if self.pings:
-            self.pings[-1].lines += 1
-
-
-def _pings(data: bytes, account: Account, *, trust: bool) -> list[_Ping]:
-    """The pings of a file; the account lists the lines that are none of theirs."""
-    joining = _Joining(account)
-    for position, line in lines_of(data):
-        for sentence in _sentences(line, position, account, trust=trust):
-            if sentence is None:
-                joining.lost()
-                continue
-            text, frame = sentence
-            kind = text[:3]
-            if kind in {b"wrz", b"wrx"} or (kind == b"wrs" and text.count(b",") == _WATER_FIELDS - 1):
-                joining.velocity(text, position, frame)
-            elif kind == b"wru":
-                joining.transducer(text, position, frame)
-            else:
-                account.pass_by(_OTHERS.get(kind, kind.decode("ascii")), position)
-                # A kept sentence with a wrong checksum may have been a velocity report.
-                if trust and kind not in _OTHERS:
-                    joining.lost()
-    return joining.pings
+    times = (None, None) if validity is None else (whole(fields[validity]), whole(fields[validity + 1]))
+    return _Ping(position, water, numbers, int(fields[flag] == b"y"), *times, frame)
 
 
 def _clear_unsure(pings: list[_Ping], account: Account) -> None:
@@ -233,91 +114,194 @@ def _clear_unsure(pings: list[_Ping], account: Account) -> None:
             ping.beams.clear()
 
 
-def read(data: bytes, place: str, options: Options = PLAIN) -> Recording:
-    """Velocity reports with their transducers.
+class _Decoder(LineDecoder):
+    """Joins transducer reports to the velocity report before them.
 
-    Raises:
-        DataError: where there is no velocity report, or none has beams and the instrument's velocity alone is not
-            requested.
+    The reports carry no number of their ping. The instrument sends a `wrz` and then `wru` 0, 1, 2, 3, so whatever
+    departs from that closes the ping: a line that cannot be read may have been the next `wrz`, and a missing number
+    shows a lost line.
     """
-    account = Account(unit="line")
-    pings = _pings(data, account, trust=options.ignore_checksum)
-    _clear_unsure(pings, account)
-    with_beams = any(ping.beams for ping in pings)
-    if pings and not with_beams and not options.instrument_only:
-        raise DataError(ADVICE, place=place, hint="--instrument-only converts the velocities as they are")
-    absolute = bool(pings) and all(ping.validity_us is not None for ping in pings)
-    table, water = _table(pings, account, options, beams=_BEAMS if with_beams else 0, absolute=absolute)
-    raise_if_empty(account, place, "velocity report")
-    return Recording(
-        format=NAME,
-        table=table,
-        account=account,
-        frame="frd",
-        clock="the instrument's, microseconds since 1970 where it is set" if absolute else "sum of intervals",
-        time_of="validity" if absolute else "record",
-        quality="signal strength rssi, dBm",
-        geometry="waterlinked_a50",
-        resolution_mps=1e-3,
-        notes=[
-            "a beam has no flag of its own: it counts as valid where its distance is not -1",
-            *([] if absolute else ["the reports carry no clock: time is the sum of their intervals"]),
-        ],
-        water=water,
-    )
+
+    frame = "frd"
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._pings: list[_Ping] = []
+        self._last: _Ping | None = None
+        self._open = False
+        self._sum_ns = 0
+        self._absolute: bool | None = None
+
+    def line(self, position: int, line: bytes) -> None:
+        """Takes the sentences of a line; what is lost is counted."""
+        account, trust, at = self.account, self.options.ignore_checksum, 0
+        while match := _SENTENCE.search(line, at):
+            text, digits = match.groups()
+            good = crc8_of(text, 0x107) == int(digits, 16)
+            inner = text.find(b"wr", 1)
+            account.read += 1
+            if not good and inner > 0:
+                # A sentence that was cut off, then a whole one: look again from the second.
+                account.skip("merged line", position, line)
+                at = match.start() + inner
+                self.lost()
+                continue
+            before, at = line[at : match.start()], match.end()
+            if good or trust:
+                if not good:
+                    account.flag("bad checksum, kept on request", position, text)
+                self._sentence(text, position, (_shape(before), _shape(line[at:])))
+            else:
+                account.skip("bad checksum", position, match.group())
+                self.lost()
+        if not at:
+            account.read += 1
+            account.skip("truncated" if b"wr" in line else "not a sentence", position, line)
+            self.lost()
+        elif line[at:].strip():
+            account.read += 1
+            account.skip("truncated", position, line[at:])
+
+    def _sentence(self, text: bytes, position: int, frame: Frame) -> None:
+        kind = text[:3]
+        if kind in {b"wrz", b"wrx"} or (kind == b"wrs" and text.count(b",") == _WATER_FIELDS - 1):
+            ping = _velocity(text.split(b","), position, frame)
+            # A `wrx` is one without transducers.
+            self._open = ping is not None and kind != b"wrx"
+            if ping is None:
+                self.account.skip("velocity report with wrong fields", position, text)
+            else:
+                self._last = ping
+                self._pings.append(ping)
+        elif kind == b"wru":
+            self._transducer(text, position, frame)
+        else:
+            self.account.pass_by(_OTHERS.get(kind, kind.decode("ascii")), position)
+            # A kept sentence with a wrong checksum may have been a velocity report.
+            if self.options.ignore_checksum and kind not in _OTHERS:
+                self.lost()
+
+    def _transducer(self, text: bytes, position: int, frame: Frame) -> None:
+        """A `wru`: joined where it is the next of the open ping; else it closes the ping and is skipped."""
+        fields, ping = text.split(b","), self._last
+        beam = _numbers(fields, (2, 3, 4, 5)) if len(fields) == 6 else None
+        if beam is None or fields[1] not in {b"0", b"1", b"2", b"3"}:
+            self.account.skip("transducer report with wrong fields", position, text)
+        elif ping is None:
+            self.account.skip("transducer report before any velocity", position)
+        elif not self._open:
+            self.account.skip("transducer report after a lost line", position)
+        elif int(fields[1]) != len(ping.beams) or frame != ping.frame:
+            self.account.skip("transducer report without its velocity report", position)
+        else:
+            ping.beams.append(beam)
+            ping.lines += 1
+            self.account.pass_by("wru (joined to its wrz or wrs)", position)
+            return
+        self.lost()
+
+    def lost(self) -> None:
+        """A line that is not, or not as it was sent."""
+        self._open = False
+        if self._last is not None:
+            self._last.lines += 1
+
+    @property
+    def waiting(self) -> bool:
+        """Whether transducers of the last ping may come."""
+        return self._open and self._last is not None and len(self._last.beams) < _BEAMS
+
+    def flush(self) -> None:
+        """Ends the last ping."""
+        self._open = False
+
+    def reset(self) -> None:
+        """Forgets a ping and a line that have begun."""
+        if self.waiting:
+            self._pings.pop()
+        self._open = False
+        super().reset()
+
+    def ready(self) -> list[Row]:
+        """The pings that are whole; the first one says whether the stream has a clock."""
+        held = [self._pings.pop()] if self.waiting else []
+        pings, self._pings = self._pings, held
+        if self._absolute is None and pings:
+            self._absolute = pings[0].validity_us is not None
+        fits = [ping for ping in pings if (ping.validity_us is not None) == self._absolute]
+        if len(fits) < len(pings):
+            reason = "no time of validity" if self._absolute else "a time of validity among intervals"
+            self.account.skip(reason, pings[0].position, count=len(pings) - len(fits))
+        return self._rows(fits, _BEAMS, absolute=bool(self._absolute))
+
+    def _rows(self, pings: Sequence[_Ping], beams: int, *, absolute: bool) -> list[Row]:
+        """The rows of pings whose interval is known; a beam is lost where its distance is negative."""
+        rows = []
+        for ping in pings:
+            *axes, altitude, fom, interval_ms = ping.velocity
+            if not abs(interval_ms) <= 1e9:
+                self.account.skip("no interval since the last report", ping.position)
+                continue
+            if len(ping.beams) < beams:
+                self.account.flag("transducer report missing", ping.position)
+            self._sum_ns += round(interval_ms * 1e6)
+            lost = [[NAN] * 4] * (_BEAMS - len(ping.beams))
+            velocity, distance, rssi, noise = map(list, zip(*ping.beams, *lost, strict=True))
+            noises = {f"beam{k + 1}_noise_dbm": one for k, one in enumerate(noise)}
+            row = Row(
+                position=ping.position,
+                time_ns=(ping.validity_us or 0) * 1000 if absolute else self._sum_ns,
+                velocity=velocity,
+                valid=[one >= 0.0 for one in distance],
+                range_m=[one if one >= 0.0 else NAN for one in distance],
+                quality=rssi,
+                instrument=axes,
+                verdict=ping.verdict,
+                extra={
+                    "altitude_m": altitude if altitude >= 0.0 else NAN,
+                    "instrument_sd_mps": fom,
+                    **noises,
+                },
+                sent_ns=ping.sent_us * 1000 if absolute and ping.sent_us is not None else None,
+                water_m=WATER_RANGE_M if ping.water else None,
+            )
+            rows.append(row)
+        return rows
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`; DataError also where no ping has beams and they are not given up."""
+        pings, account = self._pings, self.account
+        _clear_unsure(pings, account)
+        with_beams = any(ping.beams for ping in pings)
+        if pings and not with_beams and not self.options.instrument_only:
+            raise DataError(
+                ADVICE, place=self.place, hint="--instrument-only converts the velocities as they are"
+            )
+        absolute = bool(pings) and all(ping.validity_us is not None for ping in pings)
+        beams = _BEAMS if with_beams else 0
+        rows = self._rows(pings, beams, absolute=absolute)
+        for row in rows:
+            if row.water_m is not None:
+                account.flag("velocity through the water: no beam has the bottom", row.position)
+        return replace(
+            self.tables("velocity report", beams, rows),
+            clock="the instrument's, microseconds since 1970 where it is set"
+            if absolute
+            else "sum of intervals",
+            time_of="validity" if absolute else "record",
+            quality="signal strength rssi, dBm",
+            geometry="waterlinked_a50",
+            resolution_mps=1e-3,
+            notes=[
+                "a beam has no flag of its own: it counts as valid where its distance is not -1",
+                *([] if absolute else ["the reports carry no clock: time is the sum of their intervals"]),
+            ],
+        )
 
 
-def _table(
-    pings: list[_Ping], account: Account, options: Options, *, beams: int, absolute: bool
-) -> tuple[BeamTable, WaterTable | None]:
-    """The tables of beams and of water; a beam is lost where its distance is negative."""
-    usable = []
-    for ping in pings:
-        if not abs(ping.velocity[5]) <= 1e9:
-            account.skip("no interval since the last report", ping.position)
-            continue
-        usable.append(ping)
-        if len(ping.beams) < beams:
-            account.flag("transducer report missing", ping.position)
-    if absolute:
-        times = [(ping.validity_us or 0) * 1000 for ping in usable]
-    else:
-        times = list(accumulate(round(ping.velocity[5] * 1e6) for ping in usable))
-    lost = [[NAN] * 4] * beams
-    found = np.array([(ping.beams + lost)[:beams] for ping in usable]).reshape(len(usable), beams, 4)
-    reports = np.array([ping.velocity for ping in usable]).reshape(-1, 6)
-    position = np.array([ping.position for ping in usable], dtype=np.int64)
-    through_water = np.array([ping.water for ping in usable], dtype=bool)
-    water = make_water(
-        account,
-        position[through_water],
-        whole_times(times)[through_water],
-        np.ones(int(through_water.sum())),
-        np.full(int(through_water.sum()), WATER_RANGE_M),
-        found[through_water, :, 0],
-        found[through_water, :, 1] >= 0.0,
-        negate=options.negate_beams,
-    )
-    account.flag_where("velocity through the water: no beam has the bottom", through_water, position)
-    found[through_water] = NAN
-    velocity, distance, rssi, noise = np.moveaxis(found, 2, 0)
-    altitude, fom = reports[:, 3], np.where(through_water, NAN, reports[:, 4])
-    table = make_table(
-        account,
-        beams,
-        position,
-        times,
-        velocity,
-        distance >= 0.0,
-        range_m=np.where(distance >= 0.0, distance, NAN),
-        quality=rssi,
-        instrument=np.where(through_water[:, None], NAN, reports[:, :3]),
-        verdict=np.where(through_water, 0, [ping.verdict for ping in usable]),
-        extra={
-            "altitude_m": np.where(altitude >= 0.0, altitude, NAN),
-            "instrument_sd_mps": fom,
-            **{f"beam{k + 1}_noise_dbm": noise[:, k] for k in range(beams)},
-        },
-        negate=options.negate_beams,
-    )
-    return table, water
+def _sniff(head: bytes) -> bool:
+    return re.search(rb"(^|[\s\x00,])wr[zuxtps],-?\d", head) is not None
+
+
+FORMAT = Format("waterlinked-serial", "Water Linked serial, wrz, wru", _sniff, _Decoder)

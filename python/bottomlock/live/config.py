@@ -101,7 +101,7 @@ class LiveConfig(NavigatorConfig):
                 )
 
     def _dvl_states_noise(self, form: str) -> None:
-        stating = [name for name, one in LIVE.items() if one.stream is not None and one.stream.figures]
+        stating = [name for name, one in LIVE.items() if one.figures]
         if self.dvl.beam_noise_from == "recording" and form not in stating:
             raise ValueError(
                 f"dvl.beam_noise_from is \"recording\", and format '{form}' has no figure of merit of a beam, expected "

@@ -173,7 +173,7 @@ class Engine:
         one = self.sources[source]
         one.connections += 1
         if one.connections > 1:
-            one.reader.framer.reset()
+            one.reader.reset()
         return messages
 
     def paused(self, pause_ns: int, now_ns: int) -> list[Message]:
@@ -211,7 +211,7 @@ class Engine:
     def _tick(self, now_ns: int) -> list[Message]:
         messages: list[Message] = []
         for one in self.sources:
-            if one.reader.framer.waiting and one.last_ns is not None and now_ns - one.last_ns >= WAIT_NS:
+            if one.reader.waiting and one.last_ns is not None and now_ns - one.last_ns >= WAIT_NS:
                 for reading in one.reader.flush():
                     messages += self._take(one, one.last_ns, reading)
         self._judge(now_ns)

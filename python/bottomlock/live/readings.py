@@ -1,20 +1,20 @@
 """Readings of a live stream: lines of numbers, MAVLink, messages of ROS 2, and the pings of a DVL."""
 
 import math
-import re
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import BeamTable, WaterTable, joined
+from bottomlock.io.beam_table import WaterTable, joined
+from bottomlock.io.decoder import Taken
 from bottomlock.io.formats import LIVE
 from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
-from bottomlock.io.rows import PLAIN, Options, RecordOptions
+from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.live.sections import ROS_TYPES, AttitudeMessage, DepthSection
 from bottomlock.live.states import Reasons
@@ -65,9 +65,18 @@ class Reader(Generic[Given]):
         """The readings that `data` completes."""
         raise NotImplementedError
 
+    @property
+    def waiting(self) -> bool:
+        """Whether lines of a reading are held of which more may come."""
+        return False
+
     def flush(self) -> list[Given]:
         """What the lines that are held give, where no more of them have come for a while."""
         return []
+
+    def reset(self) -> None:
+        """Forgets a reading that has begun: the connection was made anew."""
+        self.framer.reset()
 
 
 @dataclass
@@ -276,96 +285,64 @@ class PingReader(Reader[Ping]):
             raise DataError(
                 f"format '{self.format}' is no stream of beams", expected=f"one of {', '.join(LIVE)}"
             )
-        chosen = LIVE[self.format]
-        assert chosen.stream is not None
-        self._read, self._stream = chosen.read, chosen.stream
-        self.framer = self._cut = self._stream.frame(self.beams)
-        # A report whose transducers are all missing is a ping with all beams lost, not a log without beams.
-        only = self._stream.lost or self.options.instrument_only
-        self._settings = RecordOptions(**asdict(replace(self.options, instrument_only=only)))
+        self._decoder = LIVE[self.format].decoder("record", self.options, self.beams)
+        self.framer = self._decoder.framer
         self._water: list[WaterTable] = []
-        self._before: tuple[bytes, ...] | None = None
-        self._absolute: bool | None = None
-        self._sum_ns = 0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether lines of a ping are held of which more may come."""
+        return self._decoder.waiting
 
     def feed(self, data: bytes) -> list[Ping]:
         """The pings that `data` completes."""
-        return [ping for record in self._cut.feed(data) for ping in self._pings(record)]
+        self._decoder.feed(data)
+        return self._taken()
 
     def flush(self) -> list[Ping]:
         """The ping whose lines are held, where no more of them have come for a while."""
-        return [ping for record in self._cut.flush() for ping in self._pings(record)]
+        self._decoder.flush()
+        return self._taken()
 
-    def _pings(self, record: bytes) -> list[Ping]:
-        self.records += 1
-        if self._stream.kind is not None and record[2] not in {self._stream.kind, *self._stream.water}:
-            self.skipped.add("another kind of record")
-            return []
-        try:
-            recording = self._read(record, "record", self._settings)
-        except DataError as error:
-            self.skipped.add(_reason(error))
-            return []
-        table = recording.table
-        if recording.water is not None:
-            self._water = [*self._water[1 - _MOST_HELD :], recording.water]
+    def reset(self) -> None:
+        """Forgets a ping that has begun."""
+        self._decoder.reset()
+
+    def _taken(self) -> list[Ping]:
+        pings = [ping for one in self._decoder.take() if (ping := self._ping(one)) is not None]
+        account = self._decoder.account
+        self.records, account.read = self.records + account.read, 0
+        for reasons in (account.skipped, account.other):
+            for name, reason in reasons.items():
+                self.skipped.add(name, reason.count)
+            reasons.clear()
+        account.flagged.clear()
+        return pings
+
+    def _ping(self, taken: Taken) -> Ping | None:
+        table = taken.table
+        if taken.water is not None:
+            self._water = [*self._water[1 - _MOST_HELD :], taken.water]
         if not table.rows:
-            return []
+            return None
         if table.beams > self.beams:
             self.skipped.add(f"{table.beams} beams, the geometry has {self.beams}")
-            return []
-        absolute = recording.time_of == "validity" or not self._stream.sums
-        if self._absolute is None:
-            self._absolute = absolute
-        if absolute != self._absolute:
-            self.skipped.add(
-                "no time of validity" if self._absolute else "a time of validity among intervals"
-            )
-            return []
-        found = []
-        sum_ns = self._sum_ns
+            return None
         water, self._water = self._water, []
-        for row in range(table.rows):
-            time_ns = int(table.time_ns[row])
-            if not absolute:
-                # The reader's sum begins with this record's first interval.
-                time_ns = self._sum_ns = sum_ns + time_ns
-            ping = self._ping(table, row, time_ns, record, only=table.rows == 1)
-            found.append(replace(ping, instrument_frame=recording.frame))
-        if water and found and absolute:
-            found[-1] = replace(found[-1], water=joined(water))
-        return found
-
-    def _ping(self, table: BeamTable, row: int, time_ns: int, record: bytes, *, only: bool) -> Ping:
-        valid = _padded(table.valid[row], self.beams, fill=False)
-        stale = False
-        if self._stream.repeats:
-            block = tuple(
-                column[row].tobytes()
-                for column in (table.velocity_mps, table.range_m, table.quality, *_noise(table))
-            )
-            stale = block == self._before and bool(valid.any())
-            self._before = block
-            if stale and not self.options.keep_stale:
-                valid = np.zeros_like(valid)
-        pattern = self._stream.transmission
-        sent = pattern.search(record) if pattern is not None and only else None
-        flag = int(table.instrument_valid[row])
+        time_ns, flag = int(table.time_ns[0]), int(table.instrument_valid[0])
         return Ping(
             time_ns=time_ns,
-            transmission_ns=int(sent.group(1)) * 1000 if sent and self._absolute else time_ns,
-            velocity_mps=_padded(table.velocity_mps[row], self.beams, fill=np.nan),
-            valid=valid,
-            sd_mps=_padded(table.sd_mps[row], self.beams, fill=np.nan),
-            range_m=_padded(table.range_m[row], self.beams, fill=np.nan),
-            instrument_mps=table.instrument_mps[row],
+            transmission_ns=time_ns if taken.sent_ns is None else taken.sent_ns,
+            velocity_mps=_padded(table.velocity_mps[0], self.beams, fill=np.nan),
+            valid=_padded(table.valid[0], self.beams, fill=False),
+            sd_mps=_padded(table.sd_mps[0], self.beams, fill=np.nan),
+            range_m=_padded(table.range_m[0], self.beams, fill=np.nan),
+            instrument_mps=table.instrument_mps[0],
             instrument_valid=None if flag < 0 else bool(flag),
-            stale=stale,
+            stale=table.stale is not None and bool(table.stale[0]),
+            water=joined(water) if water else None,
+            instrument_frame=taken.frame,
         )
-
-
-def _noise(table: BeamTable) -> list[NDArray[np.float64]]:
-    return [table.extra[name] for name in table.extra if name.endswith("_noise_dbm")]
 
 
 def _padded(values: NDArray, beams: int, *, fill: float | bool) -> NDArray:  # type: ignore[type-arg]
@@ -373,15 +350,6 @@ def _padded(values: NDArray, beams: int, *, fill: float | bool) -> NDArray:  # t
     if len(values) == beams:
         return values
     return np.concatenate([values, np.full(beams - len(values), fill, dtype=values.dtype)])
-
-
-def _reason(error: DataError) -> str:
-    """Why a record gave no ping, without what differs from record to record."""
-    text = str(error).removeprefix("record: ")
-    skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
-    if skipped:
-        return skipped.group(1)
-    return re.sub(r"[0-9]+", "…", text)[:80]
 
 
 _MISSING = -1.0

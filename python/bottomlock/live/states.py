@@ -24,9 +24,9 @@ class Reasons(Counter[str]):
     (41, 10)
     """
 
-    def add(self, reason: str) -> None:
+    def add(self, reason: str, count: int = 1) -> None:
         """Counts a reason; beyond `MOST` of them as another one."""
-        self[reason if reason in self or len(self) < MOST else "other reasons"] += 1
+        self[reason if reason in self or len(self) < MOST else "other reasons"] += count
 
 
 ORDER: tuple[State, ...] = ("OK", "PARTIAL", "WATER", "COASTING", "UNSAFE")

@@ -1,0 +1,430 @@
+"""A format is declared once: its bytes, of a file or of a stream that has not ended, to pings; columns at the end.
+
+A decoder is given bytes in any pieces, and its rows depend on the bytes alone, not on how they were cut
+(`tests/io/test_framing.py`). A file is fed whole and its rows become columns; a stream gives each ping once it is
+whole. Formats of binary records read a whole file as arrays, and a stream by the same reader, record by record.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from bottomlock.errors import DataError
+from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
+from bottomlock.io.binary_records import BLOCK, blocks
+from bottomlock.io.framing import Framer, Lines
+from bottomlock.io.ros_messages import decode, stamp_ns
+from bottomlock.io.rows import (
+    NAN,
+    PLAIN,
+    Options,
+    RecordOptions,
+    make_table,
+    make_water,
+    raise_if_empty,
+    whole_times,
+)
+from bottomlock.io.sentences import LONGEST_LINE, xor_of
+
+
+@dataclass(kw_only=True)
+class Row:
+    """A ping as its record holds it; an empty sequence, and NaN, where it holds nothing.
+
+    Attributes:
+        position: of the record.
+        time_ns: on the instrument's clock; None until it is known.
+        velocity: (n,) m/s, as the following.
+        valid: (n,).
+        range_m: (n,).
+        quality: (n,) as `BeamTable.quality`.
+        sd: (n,) m/s.
+        instrument: (3,) m/s.
+        verdict: as `BeamTable.instrument_valid`.
+        arrival_ns: host's clock; None where the record has none.
+        stale: the beams repeat those of the record before.
+        extra: further columns by name; those of a beam that the table does not have are left out.
+        sent_ns: when the record was sent, on the instrument's clock; None where it does not say.
+        water_m: range of the layer of the water whose velocities these are, with nothing of the bottom; None for a ping
+            of the bottom.
+        there: beams, from 1, whose records have come, of formats with a record a beam.
+    """
+
+    position: int
+    time_ns: int | None
+    velocity: list[float]
+    valid: list[bool]
+    range_m: list[float] = field(default_factory=list)
+    quality: list[float] = field(default_factory=list)
+    sd: list[float] = field(default_factory=list)
+    instrument: list[float] = field(default_factory=lambda: [NAN] * 3)
+    verdict: int = -1
+    arrival_ns: int | None = None
+    stale: bool = False
+    extra: dict[str, float] = field(default_factory=dict)
+    sent_ns: int | None = None
+    water_m: float | None = None
+    there: set[int] = field(default_factory=set)
+
+    @property
+    def beams(self) -> int:
+        """Number of beams, to the last that is there where each has a record."""
+        return max(self.there, default=len(self.velocity))
+
+
+class Taken(NamedTuple):
+    """A record of a stream: the table of its pings, the frame of their velocity, its water, and when it was sent."""
+
+    table: BeamTable
+    frame: str
+    water: WaterTable | None = None
+    sent_ns: int | None = None
+
+
+@dataclass
+class Decoder:
+    """Bytes of one format to rows.
+
+    Attributes:
+        place: names the file in errors.
+        options: of `bottomlock convert`.
+        beams: most beams of a record.
+        account: what became of every record.
+        rows: of the pings so far; of a stream those that have not been taken.
+        framer: cuts the bytes into records.
+    """
+
+    place: str = "record"
+    options: Options = PLAIN
+    beams: int = MOST_BEAMS
+    unit: ClassVar = "line"
+    frame: ClassVar = "none"
+    """Of the instrument's own velocity, as `Recording.frame`."""
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        self.account = Account(unit=self.unit)
+        self.rows: list[Row] = []
+        self.framer = Framer()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a ping is held of which more lines may come."""
+        return False
+
+    def feed(self, data: bytes) -> None:
+        """Takes bytes."""
+        raise NotImplementedError
+
+    def flush(self) -> None:
+        """Ends a ping of which no more lines have come for a while."""
+
+    def reset(self) -> None:
+        """Forgets a record that has begun: the connection was made anew."""
+        self.framer.reset()
+
+    def ready(self) -> list[Row]:
+        """The rows that are whole, which are then no longer held."""
+        found, self.rows = self.rows, []
+        return found
+
+    def take(self) -> list[Taken]:
+        """What has become whole since the last call, in the order of the records."""
+        negate, account = self.options.negate_beams, self.account
+        return [
+            Taken(
+                table_of([row], row.beams, account, negate=negate),
+                self.frame,
+                water_of([row], row.beams, account, negate=negate),
+                row.sent_ns,
+            )
+            for row in self.ready()
+        ]
+
+    def recording(self) -> Recording:
+        """The table of a file that was fed whole, and what is known of it.
+
+        Raises:
+            DataError: where no record is a ping.
+        """
+        raise NotImplementedError
+
+    def tables(self, what: str, beams: int, rows: Sequence[Row] | None = None) -> Recording:
+        """The tables of rows, by default of all, with the account; what is known of the format is left to the caller.
+
+        Raises:
+            DataError: where no record is a ping; `what` names one.
+        """
+        rows, account, negate = self.rows if rows is None else rows, self.account, self.options.negate_beams
+        table, water = (
+            table_of(rows, beams, account, negate=negate),
+            water_of(rows, beams, account, negate=negate),
+        )
+        raise_if_empty(account, self.place, what)
+        return Recording("", table, account, self.frame, clock="", time_of="record", water=water)
+
+
+class LineDecoder(Decoder):
+    """Lines of text, one after the other."""
+
+    longest: ClassVar = LONGEST_LINE
+    """Longest line that is read, bytes."""
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self.framer = self._lines = Lines(self.longest)
+
+    def feed(self, data: bytes) -> None:
+        """Takes bytes."""
+        for position, line in self._lines.numbered(data):
+            if len(line) > self.longest:
+                self.account.read += 1
+                self.account.skip("line too long", position, line)
+                self.lost()
+            else:
+                self.line(position, line)
+
+    def line(self, position: int, line: bytes) -> None:
+        """Takes a line that is not empty, without blanks around it, with its number from 1."""
+        raise NotImplementedError
+
+    def lost(self) -> None:
+        """A line cannot be read."""
+
+
+class SentenceDecoder(LineDecoder):
+    """Sentences `$NAME,fields*HH` of lines; HH is a checksum of what stands between `$` and `*`."""
+
+    form: ClassVar[re.Pattern[bytes]]
+    """What they look like, as `pattern`."""
+    wanted: ClassVar[tuple[bytes, ...]]
+    """Names of those that are read."""
+
+    @staticmethod
+    def pattern(name: bytes, longest: int) -> re.Pattern[bytes]:
+        """Pattern of sentences: name, at most so many characters behind it, checksum in two hexadecimal digits."""
+        return re.compile(rb"\$(%s(?:,[^*$]{0,%d})?)\*([0-9A-Fa-f]{2})" % (name, longest))
+
+    def fits(self, text: bytes, given: int) -> bool:
+        """Whether a checksum is that of a text: the exclusive or of NMEA 0183."""
+        return xor_of(text) == given
+
+    def sentence(self, position: int, text: bytes) -> None:
+        """Takes a wanted sentence, from `$` to `*`."""
+        raise NotImplementedError
+
+    def line(self, position: int, line: bytes) -> None:
+        """Takes a line; what else there is goes to the account."""
+        account = self.account
+        account.read += 1
+        at = 0
+        for match in self.form.finditer(line):
+            account.read += at > 0
+            at = match.end()
+            text, digits = match.groups()
+            if not self.fits(text, int(digits, 16)):
+                if not self.options.ignore_checksum:
+                    account.skip("bad checksum", position, match.group())
+                    continue
+                account.flag("bad checksum, kept on request", position, match.group())
+            name = text.split(b",", 1)[0]
+            if name in self.wanted:
+                self.sentence(position, text)
+            else:
+                account.pass_by("$" + name.decode("ascii"), position)
+        if not at:
+            account.skip("truncated" if b"$" in line else "not a sentence", position, line)
+        elif line[at:].strip():
+            account.read += 1
+            account.skip("truncated", position, line[at:])
+
+
+class MessageDecoder(Decoder):
+    """Messages of ROS 2, which their transport keeps apart, so that each call of `feed` has one."""
+
+    unit = "message"
+    frame = "frd"
+    type: ClassVar[str]
+    """A key of `ros_messages.DEFINITIONS`."""
+    later: ClassVar[str | None] = None
+    """Another definition of it."""
+
+    def feed(self, data: bytes) -> None:
+        """Takes a message as ROS 2 serialises it, in the version that it holds from its first byte to its last."""
+        self.account.read += 1
+        faults = []
+        for definition in dict.fromkeys((None, self.later)):
+            try:
+                message = decode(data, self.type, definition)
+            except DataError as error:
+                faults.append(str(error))
+            else:
+                self.message(self.account.read, stamp_ns(message.header), message)
+                return
+        self.account.skip(faults[0], self.account.read)
+
+    def message(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
+        """Takes a message with its number and when it came."""
+        raise NotImplementedError
+
+
+Read = Callable[[bytes, str, Options], Recording]
+
+
+@dataclass
+class RecordDecoder(Decoder):
+    """Binary records, each read as a file of one.
+
+    Attributes:
+        make: makes what cuts the bytes.
+        read: reads a file.
+        kinds: the third byte of the records with pings or water; empty where all have them.
+    """
+
+    unit = "record"
+    make: Callable[[], Framer] = Framer
+    read: Read = field(kw_only=True)
+    kinds: Sequence[int] = ()
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self.framer = self.make()
+        self._options = RecordOptions(**asdict(self.options))
+        self._taken: list[Taken] = []
+
+    def feed(self, data: bytes) -> None:
+        """Takes bytes."""
+        for record in self.framer.feed(data):
+            self.account.read += 1
+            if self.kinds and record[2] not in self.kinds:
+                self.account.pass_by("another kind of record", self.account.read)
+                continue
+            try:
+                found = self.read(record, self.place, self._options)
+            except DataError as error:
+                self.account.skip(self._reason(error), self.account.read)
+            else:
+                self._taken.append(Taken(found.table, found.frame, found.water))
+
+    def take(self) -> list[Taken]:
+        """What has become whole since the last call."""
+        found, self._taken = self._taken, []
+        return found
+
+    def _reason(self, error: DataError) -> str:
+        """Why a record gave no ping, without what differs from record to record."""
+        text = str(error).removeprefix(f"{self.place}: ")
+        skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
+        return skipped.group(1) if skipped else re.sub(r"[0-9]+", "…", text)[:80]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format that is read from bytes.
+
+    Attributes:
+        name: as commands and configurations take it.
+        title: of the instrument.
+        sniff: whether the beginning of a file looks like it.
+        decoder: makes its decoder, as `Decoder`.
+        whole: reads a file as arrays; None for the decoder.
+        live: whether it comes as a stream.
+        figures: whether its records can hold a figure of merit of each beam, 1 sigma.
+    """
+
+    name: str
+    title: str
+    sniff: Callable[[bytes], bool]
+    decoder: Callable[[str, Options, int], Decoder]
+    whole: Read | None = None
+    live: bool = True
+    figures: bool = False
+
+    def read(self, data: bytes, place: str, options: Options = PLAIN) -> Recording:
+        """The pings of a file.
+
+        Raises:
+            DataError: where no record is a ping, with what there was.
+        """
+        if self.whole is not None:
+            return self.whole(data, place, options)
+        decoder = self.decoder(place, options, MOST_BEAMS)
+        for at in blocks(len(data)):
+            decoder.feed(data[at : at + BLOCK])
+        decoder.feed(b"\n")
+        return replace(decoder.recording(), format=self.name)
+
+
+def binary(
+    name: str,
+    title: str,
+    sniff: Callable[[bytes], bool],
+    framer: Callable[[], Framer],
+    read: Read,
+    kinds: Sequence[int] = (),
+    *,
+    figures: bool = False,
+) -> Format:
+    """A format of binary records, by its framer and the reader of a file; see `RecordDecoder`."""
+    decoder = partial(RecordDecoder, make=framer, read=read, kinds=kinds)
+    return Format(name, title, sniff, decoder, read, figures=figures)
+
+
+def table_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> BeamTable:
+    """The table of so many beams of rows whose times are known; of the water, with every beam lost."""
+    of_water = np.array([row.water_m is not None for row in rows], dtype=bool)
+
+    def column(values: list[Any], lost: float = NAN) -> np.ndarray:
+        found = np.array(values)
+        found[of_water] = lost
+        return found
+
+    def per_beam(name: str) -> np.ndarray | None:
+        values = [getattr(row, name)[:beams] for row in rows]
+        return column(values) if values and len(values[0]) == beams else None
+
+    names = rows[0].extra if rows else ()
+    return make_table(
+        account,
+        beams,
+        [row.position for row in rows],
+        [row.time_ns for row in rows],
+        column([row.velocity[:beams] for row in rows]),
+        column([row.valid[:beams] for row in rows], lost=False),
+        range_m=per_beam("range_m"),
+        quality=per_beam("quality"),
+        sd=per_beam("sd"),
+        instrument=column([row.instrument for row in rows]),
+        verdict=column([row.verdict for row in rows], lost=0),
+        arrival_ns=[row.arrival_ns for row in rows],
+        stale=[row.stale for row in rows],
+        extra={
+            name: column([row.extra[name] for row in rows])
+            for name in names
+            if not name.startswith("beam") or int(name[4]) <= beams
+        },
+        negate=negate,
+    )
+
+
+def water_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> WaterTable | None:
+    """The layer of the water of each row of it, as cell 1; None without any."""
+    of_water = [row for row in rows if row.water_m is not None]
+    if not of_water:
+        return None
+    return make_water(
+        account,
+        [row.position for row in of_water],
+        whole_times([row.time_ns for row in of_water]),
+        np.ones(len(of_water)),
+        [row.water_m for row in of_water],  # type: ignore[arg-type]
+        np.array([row.velocity[:beams] for row in of_water]),
+        np.array([row.valid[:beams] for row in of_water]),
+        negate=negate,
+    )
