@@ -42,7 +42,7 @@ pub fn simulate_sensors<'py>(
     options: Option<Argument>,
 ) -> Dict<'py> {
     let geometry = dvl::geometry(geometry)?;
-    let (truths, model) = (Truths::new(truth)?, settings::model(model)?);
+    let (truths, model) = (Truths::new(truth, None)?, settings::model(model)?);
     let truth = truths.of(0)?;
     let beams = geometry.beams();
     let schedule = crate::schedule::schedule(schedule, beams, 1)?;
@@ -155,7 +155,7 @@ pub fn run_batch<'py>(
     stop: Option<Argument>,
 ) -> Dict<'py> {
     let geometry = dvl::geometry(geometry)?;
-    let truths = Truths::new(truth)?;
+    let truths = Truths::new(truth, None)?;
     let (simulated, assumed) = (settings::model(simulated)?, settings::model(assumed)?);
     let options = settings::options(options)?;
     let methods = settings::methods(methods)?;

@@ -94,7 +94,7 @@ impl ClosedLoop {
     /// as before. After an error during a run, named with its method, and after a signal (Ctrl-C), the loop has failed, and
     /// every later call says so.
     fn advance(&self, py: Python<'_>, truth: Argument, schedule: Argument) -> PyResult<()> {
-        let truths = Truths::of_runs(truth, self.vehicles)?;
+        let truths = Truths::new(truth, Some(self.vehicles))?;
         let schedule = crate::schedule::schedule(schedule, self.beams, self.vehicles)?;
         let segment = |run| {
             let (truth, schedule) = (truths.of(run)?, schedule.of(run));

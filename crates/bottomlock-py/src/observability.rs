@@ -1,6 +1,6 @@
 //! Observability of a window, and covariance analysis along a truth.
 
-use bottomlock::aiding::registry::{Sensor, reports};
+use bottomlock::aiding::registry::reports;
 use bottomlock::layout::DIM;
 use bottomlock::observability::kind::Kind;
 use bottomlock::observability::rank;
@@ -19,23 +19,19 @@ use crate::truth::Truths;
 /// An aiding set from beams, a flag for each of `SENSORS`, and lever arms; sensors that are not named are not in the
 /// set.
 fn aiding(value: Argument, beams: usize) -> PyResult<Aiding> {
-    read("aiding", value, |keys| aiding_of(keys, beams))
-}
-
-fn aiding_of(keys: &Keys<'_>, beams: usize) -> PyResult<Aiding> {
-    let flag = |sensor: Sensor| -> PyResult<bool> {
-        let key = sensor.name();
-        Ok(keys.has(key)? && keys.extract(key, "True or False")?)
-    };
-    let mut sensors = Vec::new();
-    for (_, report) in reports() {
-        sensors.extend(flag(report.sensor)?.then_some(report.sensor));
-    }
-    let mask = keys.with("beams", |name, value| booleans(name, value, &[Some(beams)]))?;
-    Ok(Aiding {
-        beams: settings::mask(&mask.values),
-        sensors: sensors.into_iter().collect(),
-        levers: keys.given("levers", settings::part)?.unwrap_or_default(),
+    read("aiding", value, |keys| {
+        let mut sensors = Vec::new();
+        for (_, report) in reports() {
+            let key = report.sensor.name();
+            let is_in = keys.has(key)? && keys.extract(key, "True or False")?;
+            sensors.extend(is_in.then_some(report.sensor));
+        }
+        let mask = keys.with("beams", |name, value| booleans(name, value, &[Some(beams)]))?;
+        Ok(Aiding {
+            beams: settings::mask(&mask.values),
+            sensors: sensors.into_iter().collect(),
+            levers: keys.given("levers", settings::part)?.unwrap_or_default(),
+        })
     })
 }
 
@@ -110,7 +106,7 @@ pub fn observe<'py>(
     per_epoch: bool,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let geometry = dvl::geometry(geometry)?;
-    let (truths, model) = (Truths::new(truth)?, settings::model(model)?);
+    let (truths, model) = (Truths::new(truth, None)?, settings::model(model)?);
     let (truth, kind) = (truths.of(0)?, Kind::named(kind).map_err(raise)?);
     let scheduled = self::schedule(schedule, geometry.beams())?;
     let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);
@@ -184,7 +180,7 @@ pub fn covariance_history<'py>(
     schedule: Option<Argument>,
 ) -> Dict<'py> {
     let geometry = dvl::geometry(geometry)?;
-    let (truths, model) = (Truths::new(truth)?, settings::model(model)?);
+    let (truths, model) = (Truths::new(truth, None)?, settings::model(model)?);
     let (truth, kind) = (truths.of(0)?, Kind::named(kind).map_err(raise)?);
     let scheduled = self::schedule(schedule, geometry.beams())?;
     let epochs = scheduled.as_deref().map_or(Epochs::Every(period_ns), Epochs::Scheduled);

@@ -36,30 +36,28 @@ struct OwnedLog {
 
 impl OwnedLog {
     fn read(value: Argument, beams: usize, model: &Model) -> PyResult<Self> {
-        read("log", value, |keys| Self::of(keys, beams, model))
-    }
-
-    fn of(keys: &Keys<'_>, beams: usize, model: &Model) -> PyResult<Self> {
-        let imu_ns = keys.with("imu_time_ns", times)?;
-        let rates = numbers(keys, "omega_p_radps", imu_ns.len(), 3)?;
-        let forces = numbers(keys, "force_p_mps2", imu_ns.len(), 3)?;
-        let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
-        for kind in SensorKind::ALL {
-            sensors[kind as usize] = Self::measurements(keys, kind, model)?;
-        }
-        let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
-        let mut log = Self {
-            imu: ImuSample::of_columns(&imu_ns, rates.as_chunks().0, forces.as_chunks().0).collect(),
-            pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
-            sensors,
-            water_track: water_samples(keys, beams, sd_mps)?,
-            withheld: Default::default(),
-        };
-        for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
-            let flags = |name: &str, value: Argument| Ok(booleans(name, value, &[None])?.values);
-            *withheld = keys.given(&format!("{name}_withheld"), flags)?.unwrap_or_default();
-        }
-        Ok(log)
+        read("log", value, |keys| {
+            let imu_ns = keys.with("imu_time_ns", times)?;
+            let rates = numbers(keys, "omega_p_radps", imu_ns.len(), 3)?;
+            let forces = numbers(keys, "force_p_mps2", imu_ns.len(), 3)?;
+            let mut sensors: [Vec<Measurement>; SENSORS] = Default::default();
+            for kind in SensorKind::ALL {
+                sensors[kind as usize] = Self::measurements(keys, kind, model)?;
+            }
+            let sd_mps = model.sensors.dvl.beam_noise_sd_mps;
+            let mut log = Self {
+                imu: ImuSample::of_columns(&imu_ns, rates.as_chunks().0, forces.as_chunks().0).collect(),
+                pings: pings(keys, "dvl_time_ns", "beam", beams, sd_mps)?,
+                sensors,
+                water_track: water_samples(keys, beams, sd_mps)?,
+                withheld: Default::default(),
+            };
+            for (name, withheld) in STREAM_NAMES.iter().zip(&mut log.withheld).skip(1) {
+                let flags = |name: &str, value: Argument| Ok(booleans(name, value, &[None])?.values);
+                *withheld = keys.given(&format!("{name}_withheld"), flags)?.unwrap_or_default();
+            }
+            Ok(log)
+        })
     }
 
     /// The rows of a sensor, under `<stream>_time_ns` and its columns; none where the log names none of them.

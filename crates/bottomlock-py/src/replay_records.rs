@@ -33,12 +33,7 @@ pub fn put_sensors(out: &Bound<'_, PyDict>, tracks: &[Track]) -> PyResult<()> {
         let sensors = PyDict::new(py);
         for (sensor, record) in &track.sensors {
             let one = PyDict::new(py);
-            one.set_item("measured", record.measured)?;
-            one.set_item("rejected", record.rejected)?;
-            one.set_item("left_out", record.left_out)?;
-            one.set_item("inflated", record.inflated)?;
-            one.set_item("nis", record.nis)?;
-            one.set_item("degrees", record.degrees)?;
+            fields! { one, record => measured, rejected, left_out, inflated, nis, degrees }
             sensors.set_item(sensor.name(), one)?;
         }
         Ok(sensors)

@@ -70,11 +70,6 @@ pub fn sample_count(value: Argument) -> usize {
     times.and_then(|times| times.len()).unwrap_or(0)
 }
 
-/// A schedule for a number of runs.
-pub fn schedule(value: Argument, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
-    read("schedule", value, |keys| schedule_of(keys, beams, runs))
-}
-
 /// The valid beams at each of a number of epochs.
 fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -> PyResult<PerRun<BeamMask>> {
     keys.item(key)?;
@@ -106,20 +101,23 @@ fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
     })
 }
 
-fn schedule_of(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
-    let dvl_time_ns = keys.with("dvl_time_ns", times)?;
-    let beam_valid = masks(keys, "beam_valid", dvl_time_ns.len(), beams, runs)?;
-    let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
-    for kind in SensorKind::ALL {
-        if let Some(simulation) = kind.declaration().simulation {
-            sensors[kind as usize] = epochs(keys, &simulation, runs)?;
+/// A schedule for a number of runs.
+pub fn schedule(value: Argument, beams: usize, runs: usize) -> PyResult<OwnedSchedule> {
+    read("schedule", value, |keys| {
+        let dvl_time_ns = keys.with("dvl_time_ns", times)?;
+        let beam_valid = masks(keys, "beam_valid", dvl_time_ns.len(), beams, runs)?;
+        let mut sensors: [OwnedEpochs; SENSORS] = Default::default();
+        for kind in SensorKind::ALL {
+            if let Some(simulation) = kind.declaration().simulation {
+                sensors[kind as usize] = epochs(keys, &simulation, runs)?;
+            }
         }
-    }
-    Ok(OwnedSchedule {
-        beam_valid,
-        dvl_time_ns,
-        sensors,
-        water: water(keys, beams, runs)?,
-        sample_time_ns: keys.with("sample_time_ns", times)?,
+        Ok(OwnedSchedule {
+            beam_valid,
+            dvl_time_ns,
+            sensors,
+            water: water(keys, beams, runs)?,
+            sample_time_ns: keys.with("sample_time_ns", times)?,
+        })
     })
 }

@@ -3,7 +3,7 @@
 use bottomlock::simulation::truth::Truth;
 
 use crate::arrays::{Rows, times};
-use crate::keys::{Keys, read};
+use crate::keys::read;
 use crate::prelude::*;
 
 /// The truths of one or more runs over the same times; contiguous arrays are read without a copy.
@@ -17,34 +17,20 @@ pub struct Truths<'py> {
 }
 
 impl<'py> Truths<'py> {
-    /// One truth, arrays (samples, ·).
-    pub fn new(value: &Bound<'py, PyAny>) -> PyResult<Self> {
+    /// One truth, arrays (samples, ·), or one for each of a number of runs, arrays (runs, samples, ·).
+    pub fn new(value: &Bound<'py, PyAny>, runs: Option<usize>) -> PyResult<Self> {
         read("truth", value, |keys| {
             let time_ns = keys.with("time_ns", times)?;
-            let samples = [Some(time_ns.len())];
-            Self::read(keys, time_ns, &samples)
-        })
-    }
-
-    /// A truth for each run, arrays (runs, samples, ·).
-    pub fn of_runs(value: &Bound<'py, PyAny>, runs: usize) -> PyResult<Self> {
-        read("truth", value, |keys| {
-            let time_ns = keys.with("time_ns", times)?;
-            let leading = [Some(runs), Some(time_ns.len())];
-            Self::read(keys, time_ns, &leading)
-        })
-    }
-
-    /// Reads the arrays with the leading axes given.
-    fn read(keys: &Keys<'py>, time_ns: Vec<i64>, leading: &[Option<usize>]) -> PyResult<Self> {
-        let three = |key: &str| keys.with(key, |name, value| Rows::new(name, value, leading));
-        Ok(Self {
-            position_t_m: three("position_t_m")?,
-            attitude_t_p: keys.with("attitude_t_p", |name, value| Rows::new(name, value, leading))?,
-            velocity_p_mps: three("velocity_p_mps")?,
-            omega_p_radps: three("omega_p_radps")?,
-            force_p_mps2: three("force_p_mps2")?,
-            time_ns,
+            let leading: Vec<_> = runs.into_iter().chain([time_ns.len()]).map(Some).collect();
+            let three = |key: &str| keys.with(key, |name, value| Rows::new(name, value, &leading));
+            Ok(Self {
+                position_t_m: three("position_t_m")?,
+                attitude_t_p: keys.with("attitude_t_p", |name, value| Rows::new(name, value, &leading))?,
+                velocity_p_mps: three("velocity_p_mps")?,
+                omega_p_radps: three("omega_p_radps")?,
+                force_p_mps2: three("force_p_mps2")?,
+                time_ns,
+            })
         })
     }
 
