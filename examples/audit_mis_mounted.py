@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import bottomlock
 from bottomlock.audit.logs import BeamLog, Reference
-from bottomlock.audit.run import audit_log
+from bottomlock.audit.run import Audit
 
 PLANTED_DEG, BEAM_SD_MPS, BEAM_BIAS_MPS = 4.0, 0.010, 0.005
 TILT_RAD = np.deg2rad(22.5)
@@ -49,7 +49,7 @@ def recorded(dive: int) -> BeamLog:
 # Against the geometry of the maker the log is in order: a rotation of the whole instrument changes no closure.
 
 # %%
-alone = audit_log(recorded(0), stated=stated, geometry_name="stated")
+alone = Audit(recorded(0), stated=stated, geometry_name="stated")
 print([finding.kind for finding in alone.findings] or "no finding")
 
 # %% [markdown]
@@ -68,9 +68,7 @@ reference = Reference(
     rpy + rng.normal(0.0, np.deg2rad(0.1), rpy.shape),
     velocity_t_mps + rng.normal(0.0, 0.02, rpy.shape),
 )
-found = [
-    audit_log(recorded(run), stated=stated, geometry_name="stated", reference=reference) for run in range(6)
-]
+found = [Audit(recorded(run), stated=stated, geometry_name="stated", reference=reference) for run in range(6)]
 for finding in found[0].findings:
     print(f"{finding.severity}: {finding.text}\n")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bottomlock.audit.page import audit_files, closure_table, plots_of
-from bottomlock.audit.run import audit_log
+from bottomlock.audit.run import Audit
 from tests.audit.synthetic import make_log
 from tests.pages.test_plots import unpacked
 
@@ -19,7 +19,7 @@ def test_curves_are_those_of_the_audit() -> None:
     log = make_log(3)
     log.velocity_mps[OUTLIER, 1] += 2.0
     log.valid[100:200, 2] = False
-    audit = audit_log(log)
+    audit = Audit(log)
     plots = plots_of(audit)
     assert plots is not None
     assert not plots.has_map
@@ -45,7 +45,7 @@ def test_times_that_go_back_have_no_curves() -> None:
     log = make_log(4)
     back = log.time_ns.copy()
     back[500:] -= 10**12
-    audit = audit_log(replace(log, time_ns=back))
+    audit = Audit(replace(log, time_ns=back))
     assert plots_of(audit) is None
     text = audit_files(audit)["audit.html"]
     assert isinstance(text, str)

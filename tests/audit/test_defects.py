@@ -9,7 +9,7 @@ import pytest
 from bottomlock import BeamGeometry
 from bottomlock.audit import defects
 from bottomlock.audit.logs import BeamLog, read_depths, read_inertial, read_log, read_reference
-from bottomlock.audit.run import audit_file, audit_log
+from bottomlock.audit.run import Audit, audit_file
 from bottomlock.errors import DataError
 from tests.audit.synthetic import Array
 
@@ -157,7 +157,7 @@ def unlocked(y: Array, valid: bool, own_valid: bool | None) -> BeamLog:
 )
 def test_a_log_that_never_had_lock(log: BeamLog) -> None:
     for stated in (BeamGeometry.janus(np.deg2rad(22.0)), None):
-        (found,) = audit_log(log, stated=stated).findings
+        (found,) = Audit(log, stated=stated).findings
         assert found.kind == "never_locked"
 
 

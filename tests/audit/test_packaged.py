@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bottomlock.audit.run import audit_log
+from bottomlock.audit.run import Audit
 from bottomlock.io.beams import packaged_geometries, read_geometry
 from bottomlock.recordings.finding import Finding
 from tests.audit.synthetic import make_log
@@ -17,7 +17,7 @@ def findings(seed: int, physical: str, stated: str | None, *, instrument: bool =
         seed, physical=np.asarray(read_geometry(physical).geometry.directions_p), instrument=instrument
     )
     geometry = None if stated is None else read_geometry(stated).geometry
-    return audit_log(log, stated=geometry, geometry_name=stated).findings
+    return Audit(log, stated=geometry, geometry_name=stated).findings
 
 
 @pytest.mark.first_cases(4)

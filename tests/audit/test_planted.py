@@ -9,7 +9,7 @@ import pytest
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog, read_log
-from bottomlock.audit.run import audit_log
+from bottomlock.audit.run import Audit
 from bottomlock.io import pd0
 from bottomlock.io.beam_table import write_recording
 from bottomlock.io.beams import read_geometry
@@ -21,7 +21,7 @@ RIVER = Path(__file__).parents[2] / "data" / "logs" / "pd0_riverpro" / "RiverPro
 
 
 def found(log: BeamLog, *, stated: BeamGeometry | None = STATED) -> set[tuple[str, tuple[int, ...]]]:
-    return kinds(audit_log(log, stated=stated).findings)
+    return kinds(Audit(log, stated=stated).findings)
 
 
 def rows(beam: int, tilt_deg: float = 22.0, factor: float = 1.0) -> Array:
@@ -100,7 +100,7 @@ PLANTED: list[tuple[Callable[[], BeamLog], Found, float | None, float]] = [
 def test_what_is_planted_is_found_and_nothing_else(
     planted: Callable[[], BeamLog], expected: Found, size: float | None, within: float
 ) -> None:
-    findings = audit_log(planted(), stated=STATED).findings
+    findings = Audit(planted(), stated=STATED).findings
     assert kinds(findings) == set(expected)
     if size is not None:
         assert findings[0].size == pytest.approx(size, abs=within)
@@ -113,7 +113,7 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
     assert found(channels(log, [1, 2, 3, 0])) == set()
     assert found(channels(log, [0, 1, 2, 3], [-1] * 4)) == set()
     assert found(channels(log, [0, 1, 2, 3], [1, 1, -1, 1])) == {("sign_flipped", (3,))}
-    (swapped,) = audit_log(channels(log, [1, 0, 2, 3]), stated=STATED).findings
+    (swapped,) = Audit(channels(log, [1, 0, 2, 3]), stated=STATED).findings
     # Exchanging 3 and 4 has the same closure as exchanging 1 and 2; the other two pairs have another.
     assert swapped.kind == "swapped_beams"
     assert swapped.text.endswith("beams 1 and 2 exchanged; or beams 3 and 4 exchanged.")
@@ -124,7 +124,7 @@ def test_closure_alone_sees_neighbours_swapped_but_not_opposite_beams() -> None:
 def test_mistilted_beam_that_the_instrument_does_not_know(instrument: bool) -> None:
     """The instrument's own matrix is nominal, and the regression gives it back; the closure moves with the velocity."""
     log = make_log(5, physical=rows(2, 25.0), used=janus(), instrument=instrument, pings=4000)
-    audit = audit_log(log, stated=STATED)
+    audit = Audit(log, stated=STATED)
     assert [(one.kind, one.beams, one.severity) for one in audit.findings] == [(*DEPENDS, "fault")]
     if audit.assessment.matrix is not None:
         np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.05)
@@ -137,7 +137,7 @@ def test_channels_scaled_after_the_instrument_solved(
 ) -> None:
     """The matrix of such a log differs from the beams in more rows than are at fault; no other order is accused."""
     log = make_log(21)
-    audit = audit_log(replace(log, velocity_mps=log.velocity_mps * factors), stated=stated)
+    audit = Audit(replace(log, velocity_mps=log.velocity_mps * factors), stated=stated)
     made = kinds(audit.findings)
     assert DEPENDS in made
     assert {kind for kind, _ in made} <= {"closure_depends_on_velocity", "mistilted_beam", "scale"}
@@ -149,7 +149,7 @@ def test_a_channel_turned_after_the_instrument_solved() -> None:
     assert log.instrument_mps is not None
     y = log.velocity_mps.copy()
     y[:, 1] += log.instrument_mps @ (janus(25.0)[1] - janus(22.0)[1])
-    audit = audit_log(replace(log, velocity_mps=y), stated=STATED)
+    audit = Audit(replace(log, velocity_mps=y), stated=STATED)
     assert DEPENDS in kinds(audit.findings)
     (turned,) = (one for one in audit.findings if one.kind == "mistilted_beam")
     assert 2 in turned.beams
@@ -166,20 +166,20 @@ def test_a_stuck_beam() -> None:
     log = make_log(17, decimals=3)
     y = log.velocity_mps.copy()
     y[200:900, 1] = y[200, 1]
-    audit = audit_log(replace(log, velocity_mps=y), stated=STATED)
+    audit = Audit(replace(log, velocity_mps=y), stated=STATED)
     (stuck,) = [one for one in audit.findings if one.kind == "stuck_beam"]
     assert (stuck.severity, stuck.beams, stuck.size) == ("fault", (2,), 700.0)
     assert "row 200" in stuck.evidence
     y = log.velocity_mps.copy()
     y[500:509, 1] = y[500, 1]
     assert "stuck_beam" not in {
-        one.kind for one in audit_log(replace(log, velocity_mps=y), stated=STATED).findings
+        one.kind for one in Audit(replace(log, velocity_mps=y), stated=STATED).findings
     }
 
 
 def test_a_noisy_beam_is_named_and_is_no_fault() -> None:
     """One beam five times noisier than the rest biases the plain regression by degrees; here it is only named."""
-    audit = audit_log(make_log(15, unequal=True, sd_mps=0.03), stated=STATED)
+    audit = Audit(make_log(15, unequal=True, sd_mps=0.03), stated=STATED)
     assert [(one.kind, one.severity) for one in audit.findings] == [("noisy_beam", "warning")]
     assert audit.findings[0].size == pytest.approx(5.0, rel=0.2)
     assert audit.assessment.matrix is not None
@@ -192,7 +192,7 @@ def test_a_noisy_beam_is_named_and_is_no_fault() -> None:
 
 def test_beams_alone_and_unstated() -> None:
     """Which beams face each other is all that four readings tell."""
-    (note,) = audit_log(make_log(16, instrument=False)).findings
+    (note,) = Audit(make_log(16, instrument=False)).findings
     assert (note.kind, note.severity) == ("beams_alone", "note")
     assert "weights +1.00 -1.00 +1.00 -1.00" in note.text
     assert "9 of the 12 entries" in note.evidence
@@ -204,7 +204,7 @@ def test_no_geometry_and_one_noisy_beam_is_no_fault(seed: int) -> None:
     rng = np.random.default_rng(seed)
     log = make_log(seed, instrument=False, sd_mps=0.03)
     noisy = log.velocity_mps + 0.08 * rng.normal(size=(log.pings, 4)) * [1.0, 0.0, 0.0, 0.0]
-    audit = audit_log(replace(log, velocity_mps=noisy))
+    audit = Audit(replace(log, velocity_mps=noisy))
     (note,) = audit.findings
     assert (note.kind, note.severity) == ("beams_alone", "note")
     (combination,) = audit.assessment.closures
@@ -213,7 +213,7 @@ def test_no_geometry_and_one_noisy_beam_is_no_fault(seed: int) -> None:
 
 def test_neighbours_exchanged_on_a_steady_course_or_a_bias() -> None:
     """At one velocity the two cannot be told apart: both are named, and no geometry is written."""
-    (only,) = audit_log(channels(steady(24, 400, 0.0), [1, 0, 2, 3]), stated=STATED).findings
+    (only,) = Audit(channels(steady(24, 400, 0.0), [1, 0, 2, 3]), stated=STATED).findings
     assert only.kind == "order_or_bias"
     assert "exchanged" in only.text
     assert "bias" in only.text
@@ -229,14 +229,14 @@ def test_correlated_noise_is_no_bias(seed: int) -> None:
         wander[k] = 0.95 * wander[k - 1] + 0.31 * rng.normal()
     noisy = log.velocity_mps + 0.03 * wander[:, None] * [1.0, 0.0, 0.0, 0.0]
     assert "closure_bias" not in {
-        one.kind for one in audit_log(replace(log, velocity_mps=noisy), stated=STATED).findings
+        one.kind for one in Audit(replace(log, velocity_mps=noisy), stated=STATED).findings
     }
 
 
 def test_three_beams() -> None:
     """Three beams have no closure; the regression still finds their directions."""
     rows = janus()[:3]
-    audit = audit_log(make_log(17, physical=rows))
+    audit = Audit(make_log(17, physical=rows))
     assert audit.findings == []
     assert audit.assessment.closures == []
     assert audit.assessment.matrix is not None
@@ -259,8 +259,6 @@ def test_channels_of_a_river_profiler(
     write_recording(pd0.FORMAT.read(RIVER.read_bytes(), RIVER.name), path, source=RIVER)
     log, stated = read_log(path), read_geometry("teledyne_20").geometry
     clean = {kind for kind, _ in found(log, stated=stated)}
-    made = [
-        one for one in audit_log(channels(log, order, sign), stated=stated).findings if one.kind not in clean
-    ]
+    made = [one for one in Audit(channels(log, order, sign), stated=stated).findings if one.kind not in clean]
     assert [one.kind for one in made if one.severity != "note" and one.kind not in expected] == []
     assert any(one.kind in expected and beam in one.beams for one in made) == bool(expected)

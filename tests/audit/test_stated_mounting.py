@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.run import Audit, audit_log
+from bottomlock.audit.run import Audit
 from tests.audit.worlds import Array, World, simulated
 
 TILT, ARM = np.deg2rad(22.5), np.array([-1.2, 0.4, 0.1])
@@ -41,7 +41,7 @@ def audited(world: World, rpy_rad: Array, arm_m: Array) -> Audit:
         lever_arms_p_m=[arm_m] * 4,
         mounting_rpy_rad=rpy_rad,
     )
-    return audit_log(world.log, stated=stated, mounting_rpy_rad=rpy_rad, reference=world.reference)
+    return Audit(world.log, stated=stated, mounting_rpy_rad=rpy_rad, reference=world.reference)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_what_is_stated_otherwise_is_compared(world: World) -> None:
     rpy[2] = np.deg2rad(4.0)
     found = {one.kind: one for one in audited(world, rpy, ARM).findings}
     assert found["misalignment"].size == pytest.approx(6.0, abs=0.3)
-    assert "stated mounting" in found["misalignment"].text
+    assert "stated is 1.00, -2.00, 4.00" in found["misalignment"].text
     assert "lever_arm" not in found
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.page import page_of
-from bottomlock.audit.run import Audit, audit_file, audit_log, numbers_of
+from bottomlock.audit.run import Audit, audit_file, numbers_of
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
@@ -52,7 +52,7 @@ def recording(
 
 def audited(*, factor: float = 1.0, sd: float = 0.03, seed: int = 5, sign: float = 1.0) -> Audit:
     log, water, attitude = recording(factor=factor, sd=sd, seed=seed, sign=sign)
-    return audit_log(log, stated=STATED, water=water, own_attitude=attitude)
+    return Audit(log, stated=STATED, cells=water, own_attitude=attitude)
 
 
 def water_kinds(made: Audit) -> list[tuple[str, str]]:
@@ -99,12 +99,12 @@ def test_right_beams_are_not_accused(seed: int) -> None:
 
 def test_nothing_without_attitude_geometry_or_enough_pings() -> None:
     log, water, attitude = recording()
-    assert audit_log(log, stated=STATED, water=water).water is None
-    assert audit_log(log, water=water, own_attitude=attitude).water is None
+    assert Audit(log, stated=STATED, cells=water).water is None
+    assert Audit(log, cells=water, own_attitude=attitude).water is None
     few = WaterTable(*(column[:199] for column in vars(water).values()))
-    assert audit_log(log, stated=STATED, water=few, own_attitude=attitude).water is None
+    assert Audit(log, stated=STATED, cells=few, own_attitude=attitude).water is None
     enough = WaterTable(*(column[:200] for column in vars(water).values()))
-    assert audit_log(log, stated=STATED, water=enough, own_attitude=attitude).water is not None
+    assert Audit(log, stated=STATED, cells=enough, own_attitude=attitude).water is not None
 
 
 def test_the_table_beside_the_beams_is_read(tmp_path: Path) -> None:
@@ -122,6 +122,6 @@ def test_the_table_beside_the_beams_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(made.water.current_mps, CURRENT[:2], atol=0.01)
     numbers = numbers_of(made)
     assert numbers["water"]["pings"] == PINGS
-    assert "Water against the bottom" in html(page_of(made, numbers))
+    assert "water_track.noise_mps" in html(page_of(made, numbers))
     write_parquet(tmp_path / "beams.parquet", pl.DataFrame(beams).drop("heading_rad"))
     assert audit_file(tmp_path / "beams.parquet", geometry=tmp_path / "dvl.toml").water is None

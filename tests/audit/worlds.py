@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog, Reference
-from bottomlock.audit.run import Audit, audit_log
+from bottomlock.audit.run import Audit
 from bottomlock.io.beams import read_geometry
 from bottomlock.recordings.streams import Depths
 
@@ -156,7 +156,7 @@ def _own(y: Array, valid: NDArray[np.bool_], rows: Array, step: float) -> tuple[
 
 def audited(world: World) -> Audit:
     """The audit of a log with all that is beside it."""
-    return audit_log(
+    return Audit(
         world.log, stated=world.geometry, geometry_name="stated", mounting_rpy_rad=world.mounting_rpy_rad,
         reference=world.reference, depths=world.depths,
     )  # fmt: skip

@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from bottomlock.audit.logs import BeamLog, Reference, read_depths
-from bottomlock.audit.mounting import LIMITS, Mounting, find_mounting
-from bottomlock.audit.run import Audit, audit_file, audit_log
+from bottomlock.audit.mounting import PARTS, Mounting, find_mounting
+from bottomlock.audit.run import Audit, audit_file
 from bottomlock.io import linkquest, pd0, waterlinked_json
 from bottomlock.io.beam_table import write_recording
 from bottomlock.recordings.streams import Inertial
@@ -129,7 +129,7 @@ def test_akit_mounting(recordings: Path) -> None:
     methods, turns, scales = [], [], []
     for section in AKIT:
         found = akit(recordings, section)
-        assert found.lever_arm_sd_m[2] > LIMITS["lever_arm_m"]
+        assert found.lever_arm_sd_m[2] > PARTS["lever_arm"].limit
         # DVL row k stands at k + 1.03 s on the IMU's clock (± 0.05), reference row k at k + lag.
         assert found.clock_offset_s == pytest.approx(1.03 - lags[section], abs=0.1)
         assert found.imu is not None
@@ -153,7 +153,7 @@ def test_robosub_says_what_it_cannot_see(recordings: Path) -> None:
     log = BeamLog(
         "night2", times[0], np.zeros((len(dvl), 0)), np.zeros((len(dvl), 0), bool), None, dvl[:, 1:4]
     )
-    audit = audit_log(
+    audit = Audit(
         log, reference=Reference(times[1], ahrs[:, 1:4], None),
         imu=Inertial(times[2], imu[:, 4:7] / imu[:, 7:], imu[:, 1:4] / imu[:, 7:]),
     )  # fmt: skip

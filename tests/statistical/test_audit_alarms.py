@@ -7,7 +7,7 @@ import pytest
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.run import audit_log
+from bottomlock.audit.run import Audit
 from tests.audit.synthetic import make_log
 from tests.audit.worlds import Noise, audited, simulated
 
@@ -31,7 +31,7 @@ CLEAN: dict[str, dict[str, Any]] = {
 
 def accusations(log: BeamLog) -> list[str]:
     """Findings about the instrument; that a log is too short or too noisy for an answer says nothing against it."""
-    kinds = [one.kind for one in audit_log(log, stated=STATED).findings]
+    kinds = [one.kind for one in Audit(log, stated=STATED).findings]
     return [kind for kind in kinds if kind != "directions_not_observable"]
 
 

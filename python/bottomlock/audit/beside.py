@@ -6,13 +6,12 @@ import numpy as np
 
 from bottomlock.audit.context import Context
 from bottomlock.audit.depth import WINDOW_S
-from bottomlock.audit.findings import Told, finding, listed
-from bottomlock.audit.logs import AXES, BeamLog
-from bottomlock.audit.mounting import LIMITS, Mounting
+from bottomlock.audit.findings import finding, listed
+from bottomlock.audit.logs import BeamLog
+from bottomlock.audit.mounting import AXES, PARTS, Mounting
 from bottomlock.audit.robust import sigmas_for
+from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.finding import Finding, Severity
-
-ANGLES = ("roll", "pitch", "yaw")
 
 
 def depth(_: BeamLog, context: Context) -> Iterator[Finding]:
@@ -54,19 +53,11 @@ def water(_: BeamLog, context: Context) -> Iterator[Finding]:
 
 def _basis(m: Mounting) -> str:
     what = f"velocity changes (response {1.0 + m.scale:.2f} ± {m.scale_sd:.2g})" if m.of_changes else "motion"
+    rates = listed(np.rad2deg(m.rate_rms_radps), ".2g")
     return (
         f"From {m.source}, {m.instants} instants; residual {listed(1e3 * m.residual_mps, '.0f')} mm/s; "
-        f"{100.0 * m.explained:.0f} % of the {what} explained."
+        f"{100.0 * m.explained:.0f} % of the {what} explained; rates {rates} deg/s RMS."
     )
-
-
-def _followed(context: Context) -> Mounting | None:
-    """The mounting, where the other recordings explain the velocity."""
-    return context.mounting if context.mounting is not None and context.mounting.follows else None
-
-
-def _unseen(what: str, sd: str, lacks: str) -> Finding:
-    return finding("not_observable", 0.0, 0.0, {"what": what, "told": sd, "lacks": lacks})
 
 
 def mounting(_: BeamLog, context: Context) -> Iterator[Finding]:
@@ -78,86 +69,46 @@ def mounting(_: BeamLog, context: Context) -> Iterator[Finding]:
         yield finding("left_handed", told={"basis": _basis(m)})
 
 
-def misalignment(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """Mounting angles other than stated, about the platform's axes, as their standard deviations are."""
-    m, stated = _followed(context), context.mounted
-    if m is None:
+def parts(_: BeamLog, context: Context) -> Iterator[Finding]:
+    """Mounting angles, lever arm, clock and scale other than stated, or not observable."""
+    m = context.mounting
+    if m is None or not m.follows:
         return
-    off, sd = (m.rotation * stated.rotation.inv()).as_rotvec(), m.misalignment_sd_rad
-    blind = sd > LIMITS["misalignment_rad"]
-    for k in np.flatnonzero(blind):
-        what = f"Misalignment about {AXES[k]} ({ANGLES[k]})"
-        yield _unseen(what, f"{np.rad2deg(sd[k]):.2g} deg", "speed across that axis")
-    sure = ~blind & (np.abs(off) > np.maximum(np.deg2rad(0.05), sigmas_for(m.blocks) * sd))
-    if sure.any():
-        size = float(np.rad2deg(np.linalg.norm(off[sure])))
-        angles = zip(ANGLES, np.rad2deg(m.rpy_rad), np.rad2deg(sd), strict=True)
-        told = {
-            "listed": ", ".join(f"{name} {value:+.2f} ± {spread:.2g}" for name, value, spread in angles),
-            "significant": ", ".join(ANGLES[k] for k in np.flatnonzero(sure)), "against": "the platform",
-            "basis": _basis(m),
-        }  # fmt: skip
-        if stated.rpy_rad.any():
-            told["against"] = f"the stated mounting ({listed(np.rad2deg(stated.rpy_rad))} deg)"
-        weight, spread = np.sin(np.deg2rad(min(size, 90.0))), np.rad2deg(np.linalg.norm(sd[sure]))
-        severity: Severity | None = "fault" if size > 1.0 else None
-        yield finding("misalignment", size, weight, told, sd=spread, severity=severity)
-
-
-def lever_arm(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """A lever arm other than stated."""
-    m, stated = _followed(context), context.mounted.lever_arm_p_m
-    if m is None:
-        return
-    arm, sd = m.lever_arm_p_m, m.lever_arm_sd_m
-    sure = np.abs(arm - stated) > np.maximum(0.02, sigmas_for(m.blocks) * sd)
-    seen = sure | (sd <= LIMITS["lever_arm_m"])
-    rates = listed(np.rad2deg(m.rate_rms_radps), ".2g")
-    if not seen.any():
-        yield _unseen("The lever arm", f"{sd.min():.2g} m (rates {rates} deg/s RMS)", "rotations")
-    elif sure.any():
-        parts = [
-            f"{axis} {arm[k]:+.2f} ± {sd[k]:.2g}" if seen[k] else f"{axis} not observable"
-            for k, axis in enumerate(AXES)
+    turn = from_angles(*m.rpy_rad) * from_angles(*context.stated_rpy_rad).inv()
+    stated = {"misalignment": context.stated_rpy_rad, "lever_arm": context.stated_lever_arm_m}
+    for kind, part in PARTS.items():
+        value, sd = m.told(part)
+        meant = stated.get(kind, np.zeros(len(value)))
+        # Angles are compared about the platform's axes, as their standard deviations are.
+        off = turn.as_rotvec() if kind == "misalignment" else value - meant
+        sure = np.abs(off) > np.maximum(part.least, sigmas_for(m.blocks) * sd)
+        unseen = ~sure & (sd > part.limit)
+        each = zip(part.names, part.factor * value, part.factor * sd, unseen, strict=True)
+        listed_parts = [
+            f"{name} not observable" if blind else f"{name} {format(one, part.form)} ± {spread:.2g}".strip()
+            for name, one, spread, blind in each
         ]
         told = {
-            "point": "the IMU" if m.of_changes else "the point of the reference velocity",
-            "listed": ", ".join(parts), "basis": f"Rates {rates} deg/s RMS. {_basis(m)}",
-            "against": f", stated is ({listed(stated)}) m" if stated.any() else "",
+            "what": part.what, "listed": ", ".join(listed_parts), "unit": part.unit, "lacks": part.lacks,
+            "stated": listed(part.factor * meant), "sds": listed(part.factor * sd, ".2g"), "basis": _basis(m),
         }  # fmt: skip
-        size = float(np.linalg.norm((arm - stated)[seen]))
-        weight = min(float(size * np.linalg.norm(m.rate_rms_radps)), 1.0)
-        yield finding("lever_arm", size, weight, told, sd=float(np.linalg.norm(sd[seen])))
-
-
-def clock(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """A clock that differs from the reference's."""
-    m = _followed(context)
-    if m is None:
-        return
-    offset, sd = m.clock_offset_s, m.clock_offset_sd_s
-    if sd > LIMITS["clock_offset_s"]:
-        yield _unseen("The clock offset", f"{sd:.2g} s", "speed changes")
-    elif abs(offset) > max(0.02, sigmas_for(m.blocks) * sd):
-        yield finding("clock_offset", offset, min(abs(offset), 1.0), {"basis": _basis(m)}, sd=sd)
-
-
-def scale(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """A scale of the velocity against the reference."""
-    m = _followed(context)
-    if m is None:
-        return
-    if abs(m.scale) > max(0.002, sigmas_for(m.blocks) * m.scale_sd):
-        told: Told = {"basis": _basis(m)}
-        yield finding("velocity_scale", 100.0 * m.scale, abs(m.scale), told, sd=100.0 * m.scale_sd)
-    elif m.scale_sd > LIMITS["scale"]:
-        yield _unseen("The scale", f"{100.0 * m.scale_sd:.2g} %", "speed")
+        if sure.any():
+            size = float(np.linalg.norm(off[sure])) if len(off) > 1 else float(off[0])
+            weight = abs(size) * (float(np.linalg.norm(m.rate_rms_radps)) if kind == "lever_arm" else 1.0)
+            yield finding(
+                kind, part.factor * size, min(weight, 1.0), told, sd=float(part.factor * np.linalg.norm(sd[sure])),
+                severity="fault" if abs(size) > part.fault else "warning",
+            )  # fmt: skip
+        elif unseen.any():
+            names = " ".join(part.names[k] for k in np.flatnonzero(unseen)).strip()
+            told["names"] = names and f": {names.replace(' ', ', ')}"
+            yield finding("not_observable", 0.0, 0.0, told)
 
 
 def imu(_: BeamLog, context: Context) -> Iterator[Finding]:
     """Axes and clock of an IMU other than the attitude's."""
-    m = _followed(context)
-    aligned = None if m is None else m.imu
+    m = context.mounting
+    aligned = m.imu if m is not None and m.follows else None
     if aligned is None or not aligned.seen:
         return
     diagonal = np.diag(aligned.matrix)

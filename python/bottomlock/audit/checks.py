@@ -98,7 +98,7 @@ def _angles(matrix: Matrix) -> Told:
 
 def matched(_: BeamLog, context: Context) -> Iterator[Finding]:
     """Differences from the stated geometry: common rotation, beams swapped, reversed or off their direction."""
-    found, matrix, stated = context.assessment.match, context.assessment.matrix, context.stated
+    found, matrix, stated = context.assessment.match, context.assessment.matrix, context.stated_rows
     if found is None or matrix is None or stated is None:
         return
     told = _angles(matrix)
@@ -132,7 +132,7 @@ def matched(_: BeamLog, context: Context) -> Iterator[Finding]:
 def unmatched(_: BeamLog, context: Context) -> Iterator[Finding]:
     """Beams of the opposite sign of the others, where no geometry is stated."""
     matrix = context.assessment.matrix
-    if matrix is None or not context.assessment.seen or context.stated is not None:
+    if matrix is None or not context.assessment.seen or context.stated_rows is not None:
         return
     up = [int(beam) for beam in np.flatnonzero(matrix.directions[:, 2] < 0.0)]
     if len(up) == len(matrix.rows):
@@ -158,8 +158,8 @@ def scale(_: BeamLog, context: Context) -> Iterator[Finding]:
     if matrix is None or not found.seen:
         return
     expected: Array | float = 1.0
-    if found.match is not None and context.stated is not None:
-        expected = np.linalg.norm(context.stated[found.match.beam], axis=1)
+    if found.match is not None and context.stated_rows is not None:
+        expected = np.linalg.norm(context.stated_rows[found.match.beam], axis=1)
     off = matrix.scale / expected - 1.0
     sure = np.flatnonzero(
         np.abs(off) > np.maximum(MATERIAL_SCALE, sigmas_for(matrix.blocks) * matrix.scale_sd)
@@ -212,7 +212,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
     A geometry fits where the audit against it finds no fault of the beams. Closure alone shows neither tilt nor yaw:
     without the instrument's velocity several geometries fit where a stated one does not, and all of them are named.
     """
-    found, stated, name = context.assessment, context.stated, context.geometry_name
+    found, stated, name = context.assessment, context.stated_rows, context.geometry_name
     mine = stated is None or name in packaged_geometries()
     judged = found.seen or (stated is not None and log.beams >= 4)
     if not mine or not judged or found.full.sum() < LEAST_PINGS or not _open(log, context):
@@ -226,7 +226,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
     ]
     if not fits:
         return
-    rows = {one: tried[one].stated for one in fits} | (
+    rows = {one: tried[one].stated_rows for one in fits} | (
         {} if stated is None or name is None else {name: stated}
     )
     sizes = {
@@ -238,7 +238,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
         "stated": name,
     }
     told["fits"] = f"{', '.join(fits[:-1])} or {fits[-1]}" if len(fits) > 1 else fits[0]
-    only = tried[fits[0]].stated
+    only = tried[fits[0]].stated_rows
     if len(fits) == 1 and found.seen and found.matrix is not None and only is not None:
         unit = only / np.linalg.norm(only, axis=1)[:, None]
         off = np.rad2deg(angle_between(found.matrix.directions, unit).max())
@@ -249,7 +249,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
 
 def _open(log: BeamLog, context: Context) -> bool:
     """No geometry is stated, or what is found against it may be that of another instrument."""
-    return context.stated is None or any(
+    return context.stated_rows is None or any(
         one.kind in OTHER_INSTRUMENT or (one.kind == "mistilted_beam" and len(one.beams) == log.beams)
         for check in BEAMS
         for one in check(log, context)
@@ -267,8 +267,7 @@ BEAMS: tuple[Check, ...] = (
 )  # fmt: skip
 """Of the beams against a geometry."""
 CHECKS: tuple[Check, ...] = (
-    noisy, *BEAMS, packaged, beside.depth, beside.mounting, beside.misalignment, beside.lever_arm, beside.clock,
-    beside.scale, beside.imu, beside.water,
+    noisy, *BEAMS, packaged, beside.depth, beside.mounting, beside.parts, beside.imu, beside.water,
 )  # fmt: skip
 """Of a log with what stands beside it."""
 

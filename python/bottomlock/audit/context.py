@@ -1,6 +1,6 @@
 """What the checks of an audit look at: a log with what stands beside it, and what is estimated of both, once."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,10 +12,11 @@ from bottomlock.audit.closure import closure_of
 from bottomlock.audit.depth import DepthRate, depth_rate
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.matrix import LEAST_PINGS
-from bottomlock.audit.mounting import Mounted, Mounting, find_mounting, stated_rows
+from bottomlock.audit.mounting import Mounting, find_mounting, rows_as_stated
 from bottomlock.audit.robust import Array
 from bottomlock.audit.water import WaterAgreement, water_agreement
 from bottomlock.io.beam_table import WaterTable
+from bottomlock.io.beams import check_beam_count
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.support.rising import rising
@@ -27,7 +28,7 @@ class Context:
 
     Attributes:
         log: the pings.
-        geometry: to compare with, in the platform frame, or None.
+        stated: geometry to compare with, in the platform frame, or None.
         geometry_name: its name, or None.
         mounting_rpy_rad: roll, pitch, yaw from DVL axes to platform axes that the geometry contains.
         reference, imu, depths: other recordings of the same time.
@@ -36,14 +37,23 @@ class Context:
     """
 
     log: BeamLog
-    geometry: BeamGeometry | None = None
+    stated: BeamGeometry | None = None
     geometry_name: str | None = None
-    mounting_rpy_rad: ArrayLike = field(default_factory=lambda: np.zeros(3))
+    mounting_rpy_rad: ArrayLike = (0.0, 0.0, 0.0)
     reference: Reference | None = None
     imu: Inertial | None = None
     depths: Depths | None = None
     cells: WaterTable | None = None
     own_attitude: Reference | None = None
+
+    def __post_init__(self) -> None:
+        """Checks that log and geometry have the same number of beams.
+
+        Raises:
+            DataError: where they differ.
+        """
+        if self.stated is not None and self.log.beams:
+            check_beam_count(self.log.place, self.log.beams, self.stated.beams)
 
     @cached_property
     def copies(self) -> tuple[tuple[int, int], ...]:
@@ -63,30 +73,33 @@ class Context:
         return np.asarray(self.log.full & ~self.log.unchanged & used & self.locked)
 
     @cached_property
-    def _stated(self) -> tuple[Array | None, Mounted]:
-        if self.geometry is None:
-            return None, Mounted()
-        if self.log.beams:
-            return stated_rows(self.geometry, self.mounting_rpy_rad, self.log)
-        arm = np.asarray(self.geometry.lever_arms_p_m).mean(axis=0)
-        return None, Mounted(np.array(self.mounting_rpy_rad, dtype=np.float64), arm)
+    def _stated(self) -> tuple[Array | None, Array]:
+        rpy_rad = np.array(self.mounting_rpy_rad, dtype=np.float64)
+        if self.stated is None or not self.log.beams:
+            return None, rpy_rad
+        return rows_as_stated(self.stated, rpy_rad, self.log)
 
     @property
-    def stated(self) -> Array | None:
+    def stated_rows(self) -> Array | None:
         """(beams, 3) stated directions times scale in the frame of the instrument's velocity, or None."""
         return self._stated[0]
 
     @property
-    def mounted(self) -> Mounted:
-        """The stated mounting of the frame of the instrument's velocity."""
+    def stated_rpy_rad(self) -> Array:
+        """(3,) stated mounting of the frame of the instrument's velocity."""
         return self._stated[1]
+
+    @property
+    def stated_lever_arm_m(self) -> Array:
+        """(3,) mean of the stated ones of the beams."""
+        return np.zeros(3) if self.stated is None else np.asarray(self.stated.lever_arms_p_m).mean(axis=0)
 
     @cached_property
     def assessment(self) -> BeamAssessment:
         """Of the beams; the closure of an instrument that records its error velocity in their place."""
         log = self.log
         if log.beams:
-            return assess_beams(log, self.whole, self.stated, self.copies)
+            return assess_beams(log, self.whole, self.stated_rows, self.copies)
         none = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
         if log.error_velocity_mps is not None:
             error = log.error_velocity_mps[np.isfinite(log.error_velocity_mps)]
@@ -128,6 +141,6 @@ class Context:
     def water(self) -> WaterAgreement | None:
         """The water against the bottom, or None."""
         attitude = self.own_attitude if self.reference is None else self.reference
-        if self.cells is None or self.geometry is None or not self.log.beams or attitude is None:
+        if self.cells is None or self.stated is None or not self.log.beams or attitude is None:
             return None
-        return water_agreement(self.log, self.whole, self.cells, self.geometry, attitude)
+        return water_agreement(self.log, self.whole, self.cells, self.stated, attitude)

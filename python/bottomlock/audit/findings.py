@@ -60,6 +60,10 @@ _ORDER = Kind(
     "{advice}",
 )  # fmt: skip
 _THIS_IS = Kind("note", "geometries", "This is {fits}.", "{basis}", "Audit and solve with --geometry {fits}.")
+_PART = Kind(
+    "warning", "", "The {what} of the DVL is {listed} {unit}, stated is {stated}.", "{basis}",
+    "Set it for the DVL, or let the filter estimate it.",
+)  # fmt: skip
 KINDS = {
     "never_locked": Kind(
         "warning", "pings", "The instrument never had bottom lock in this log: {why}.",
@@ -233,30 +237,18 @@ KINDS = {
         "{basis}", "Record accelerations, rotations and speeds well above the noise of the instrument.",
     ),
     "not_observable": Kind(
-        "note", "", "{what} is not observable in this log.",
-        "Its standard deviation is {told}; infinite with too few independent pings, or too little of this motion.",
+        "note", "", "The {what} is not observable in this log{names}.",
+        "Standard deviations {sds} {unit}; infinite with too few independent pings, or too little of this motion.",
         "Record more {lacks}.",
     ),
     "left_handed": Kind(
         "fault", "", "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.",
         "{basis}", "Reverse y before using the velocity.",
     ),
-    "misalignment": Kind(
-        "warning", "deg", "The DVL is misaligned with {against}: {listed} deg ({significant} significant).", "{basis}",
-        "Set these mounting angles for the DVL.",
-    ),
-    "lever_arm": Kind(
-        "warning", "m", "The lever arm of the DVL from {point} is {listed} m{against}.", "{basis}",
-        "Set this lever arm for the DVL.",
-    ),
-    "clock_offset": Kind(
-        "fault", "s", "The DVL's clock differs from the reference's: reference time is DVL time {size:+.3f} s.",
-        "± {sd:.2g} s. {basis}", "Set this clock offset for the DVL.",
-    ),
-    "velocity_scale": Kind(
-        "warning", "%", "The DVL reads {size:+.2f} % against the reference.", "± {sd:.2g} %. {basis}",
-        "Check the sound speed; let the filter estimate the scale.",
-    ),
+    "misalignment": replace(_PART, unit="deg"),
+    "lever_arm": replace(_PART, unit="m"),
+    "clock_offset": replace(_PART, unit="s"),
+    "velocity_scale": replace(_PART, unit="%"),
     "imu_axes": Kind(
         "fault", "axes", "Opposite to the attitude's: the IMU's {axes}{left}.",
         "Rates of the IMU against the attitude: diagonal {diagonal}.", "Reverse it for accelerometer and gyro.",

@@ -4,10 +4,10 @@ The fit is that of a replay (`recordings.rig_fit`), against the reference's velo
 the IMU. A parameter that the motion does not excite keeps the spread of its wide prior and is not observable.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
@@ -36,8 +36,6 @@ CHANGE_S = (0.5, 1.0)
 WIDE = LOOSE | {"clock": 2.0, "lever": 5.0}
 """1 sigma of every parameter beforehand."""
 
-LIMITS = {"misalignment_rad": np.deg2rad(1.0), "lever_arm_m": 0.3, "clock_offset_s": 0.1, "scale": 0.02}
-"""A parameter with a larger standard deviation is not observable; a lever arm or scale may be significant beyond it."""
 LEAST_EXPLAINED = 0.5
 """Nothing is observable in a log of whose velocity the other recordings explain a smaller fraction."""
 GAIN_SD = 0.05
@@ -49,46 +47,72 @@ SHIFT_S, PASSES = 0.05, 4
 """Step of the search of an IMU's offset, and of the derivative by it; passes of the fit."""
 
 
-def _zeros() -> Array:
-    return np.zeros(3)
+@dataclass(frozen=True)
+class Part:
+    """A parameter of the mounting, and how it is told.
+
+    Attributes:
+        what, names: in words, and its components.
+        value, sd: attributes of `Mounting`.
+        least: smaller departures from what is stated are no finding.
+        limit: with a larger standard deviation it is not observable, unless it is significant all the same.
+        fault: a larger departure is a fault, a smaller one a warning.
+        factor, unit, form: from SI to what is told.
+        lacks: motion that shows it.
+    """
+
+    what: str
+    names: tuple[str, ...]
+    value: str
+    sd: str
+    least: float
+    limit: float
+    fault: float
+    factor: float
+    unit: str
+    form: str
+    lacks: str
 
 
-@dataclass(frozen=True, eq=False)
-class Mounted:
-    """A stated mounting: roll, pitch, yaw (3,), rad, from DVL to platform axes; lever arm (3,), m, platform frame."""
+AXES, ANGLES, DEG = ("x", "y", "z"), ("roll", "pitch", "yaw"), np.rad2deg(1.0)
+PARTS = {
+    "misalignment": Part(
+        "mounting", ANGLES, "rpy_rad", "misalignment_sd_rad", 0.05 / DEG, 1.0 / DEG, 1.0 / DEG, DEG, "deg", "+.2f",
+        "speed across these axes",
+    ),
+    "lever_arm": Part(
+        "lever arm", AXES, "lever_arm_p_m", "lever_arm_sd_m", 0.02, 0.3, np.inf, 1.0, "m", "+.2f", "rotations"
+    ),
+    "clock_offset": Part(
+        "clock offset (reference less DVL)", ("",), "clock_offset_s", "clock_offset_sd_s", 0.02, 0.1, 0.0, 1.0, "s",
+        "+.3f", "speed changes",
+    ),
+    "velocity_scale": Part("scale", ("",), "scale", "scale_sd", 0.002, 0.02, np.inf, 100.0, "%", "+.2f", "speed"),
+}  # fmt: skip
+"""By the kind of their findings."""
 
-    rpy_rad: Array = field(default_factory=_zeros)
-    lever_arm_p_m: Array = field(default_factory=_zeros)
 
-    @property
-    def rotation(self) -> Rotation:
-        """From DVL axes to platform axes."""
-        return from_angles(*self.rpy_rad)
-
-
-def stated_rows(geometry: BeamGeometry, rpy_rad: ArrayLike, log: BeamLog) -> tuple[Array, Mounted]:
-    """Stated rows (beams, 3) in the frame of the instrument's velocity, and the mounting of that frame.
+def rows_as_stated(geometry: BeamGeometry, rpy_rad: Array, log: BeamLog) -> tuple[Array, Array]:
+    """Stated rows (beams, 3) in the frame of the instrument's velocity, and the roll, pitch, yaw (3,) of that frame.
 
     An instrument may give its velocity in its own axes, or rotate it to the platform's by a mounting that it has been
     told: the frame is taken in which its own solution has the stated beams.
 
     Args:
-        geometry: in the platform frame; the lever arm is the mean of its beams'.
-        rpy_rad: the mounting that it contains.
+        geometry: in the platform frame.
+        rpy_rad: (3,) the mounting that it contains.
         log: the pings.
     """
-    arm = np.asarray(geometry.lever_arms_p_m).mean(axis=0)
-    own = Mounted(np.array(rpy_rad, dtype=np.float64), arm)
     in_platform = geometry.sound_speed_scale * np.asarray(geometry.directions_p)
-    in_own = own.rotation.inv().apply(in_platform)
-    if not own.rpy_rad.any() or log.instrument_mps is None or not log.own_frame or log.beams < 3:
-        return in_own, own
+    in_own = from_angles(*rpy_rad).inv().apply(in_platform)
+    if not rpy_rad.any() or log.instrument_mps is None or not log.own_frame or log.beams < 3:
+        return in_own, rpy_rad
     pings = log.full & log.solved
     found = find_matrix(log.velocity_mps[pings], log.instrument_mps[pings])
     if found is None or not found.observable.all():
-        return in_own, own
+        return in_own, rpy_rad
     off = [float(np.linalg.norm(found.rows - rows)) for rows in (in_own, in_platform)]
-    return (in_own, own) if off[0] <= off[1] else (in_platform, Mounted(lever_arm_p_m=arm))
+    return (in_own, rpy_rad) if off[0] <= off[1] else (in_platform, np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +209,14 @@ class Mounting:
     rate_rms_radps: Array
     imu: ImuAlignment | None = None
 
-    @property
-    def rotation(self) -> Rotation:
-        """From DVL axes to platform axes."""
-        return from_angles(*self.rpy_rad)
+    def told(self, part: Part) -> tuple[Array, Array]:
+        """A parameter and its 1 sigma, (k,) each."""
+        return np.atleast_1d(getattr(self, part.value)), np.atleast_1d(getattr(self, part.sd))
+
+    def knows(self, kind: str) -> bool:
+        """The parameter of `PARTS` is observable, the velocity followed and of a right-handed frame."""
+        usable = self.follows and not self.mirrored
+        return usable and bool((self.told(PARTS[kind])[1] < PARTS[kind].limit).all())
 
     @property
     def of_changes(self) -> bool:

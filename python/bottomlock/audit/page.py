@@ -1,6 +1,6 @@
 """Output of an audit: tables, figures and one page."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import matplotlib as mpl
@@ -65,8 +65,8 @@ def geometry_figure(audit: Audit) -> Figure | None:
         axes.set_theta_direction(-1)  # type: ignore[attr-defined]
         tilts, azimuths = _polar(matrix.directions)
         axes.set_ylim(0.0, 1.35 * float(tilts.max()))
-        if audit.stated is not None:
-            rings, at = _polar(audit.stated)
+        if audit.stated_rows is not None:
+            rings, at = _polar(audit.stated_rows)
             axes.plot(at, rings, "o", markersize=15, markerfacecolor="none", color=GREY, label="stated")
             axes.legend(loc="lower right", bbox_to_anchor=(1.12, -0.08), frameon=False, fontsize=8.5)
         for k, place in enumerate(zip(azimuths, tilts, strict=True)):
@@ -229,10 +229,21 @@ def page_of(
         # In place of the curves what the reader can look into where scripts run.
         shown = [one for name, one in pictures.items() if name != "curves"]
         shown.append(Looked(plots, [pictures["curves"]]))
+    estimates = list(_estimates(numbers))
     parts = [
         findings_part([finding.to_json() for finding in audit.findings]),
         *([Part("figures", "Figures", shown)] if shown else []),
-        *_estimates(audit),
+        *(
+            [
+                Part(
+                    "estimates",
+                    "Estimates",
+                    [Table(("Of", "Quantity", "Value"), estimates, _CAPTION, left=2)],
+                )
+            ]
+            if estimates
+            else []
+        ),
         json_part("numbers", "All numbers", "audit.json", numbers),
     ]
     return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
@@ -249,98 +260,54 @@ def _counts(audit: Audit) -> str:
     return f"{log.place}: {log.pings} pings in {log.time_s.max():.1f} s; {used}{compared}{three}"
 
 
-_CLOSURE = {
-    "median_mps": "Median", "median_abs_mps": "Median |e|", "sigma_mps": "Robust sigma",
-    "white_sigma_mps": "From ping to ping", "p95_mps": "95 %", "p99_mps": "99 %", "max_mps": "Largest",
-}  # fmt: skip
-"""Columns, by the name of the number in audit.json."""
-Quantity = tuple[str, float, float]
-"""Name with unit, value, 1 sigma (NaN for none)."""
+DEG, MM, HUNDRED = np.rad2deg(1.0), 1e3, 100.0
+ESTIMATES = (
+    ("matrix", "tilt of the beams, °", "tilt_rad", "tilt_sd_rad", DEG),
+    ("matrix", "azimuth of the beams, °", "azimuth_rad", "azimuth_sd_rad", DEG),
+    ("matrix", "scale of the beams", "scale", "scale_sd", 1.0),
+    ("matrix", "bias of the beams, mm/s", "bias_mps", "bias_sd_mps", MM),
+    ("matrix", "residual, mm/s", "residual_mps", "", MM),
+    ("matrix", "full pings with the instrument's velocity", "pings", "", 1.0),
+    ("match", "stated beam of the channels", "beam", "", 1.0),
+    ("match", "sign", "sign", "", 1.0),
+    ("match", "off the stated direction, °", "off_rad", "", DEG),
+    ("closure", "weights of the beams", "weights", "", 1.0),
+    ("closure", "median, mm/s", "median_mps", "median_sd_mps", MM),
+    ("closure", "robust sigma, mm/s", "sigma_mps", "", MM),
+    ("closure", "sigma from ping to ping, mm/s", "white_sigma_mps", "", MM),
+    ("closure", "95 % of the sizes, mm/s", "p95_mps", "", MM),
+    ("closure", "99 % of the sizes, mm/s", "p99_mps", "", MM),
+    ("closure", "largest, mm/s", "max_mps", "", MM),
+    ("closure", "beyond 3 sigma (Gaussian: 0.27), %", "beyond_3_sigma", "", HUNDRED),
+    ("depth_rate", "change of depth over the integrated velocity", "slope", "slope_sd", 1.0),
+    (
+        "mounting",
+        "roll, pitch, yaw of the DVL against the platform, °",
+        "rpy_rad",
+        "misalignment_sd_rad",
+        DEG,
+    ),
+    ("mounting", "lever arm x, y, z, m", "lever_arm_p_m", "lever_arm_sd_m", 1.0),
+    ("mounting", "reference time minus DVL time, s", "clock_offset_s", "clock_offset_sd_s", 1.0),
+    ("mounting", "scale, %", "scale", "scale_sd", HUNDRED),
+    ("mounting", "explained of the velocity (or of its changes), %", "explained", "", HUNDRED),
+    ("water", "current to north and east, m/s", "current_mps", "", 1.0),
+    ("water", "its drift, m/s in an hour", "drift_mps_per_h", "", 1.0),
+    ("water", "current of one ping, 1 sigma, m/s", "ping_sd_mps", "", 1.0),
+    ("water", "water_track.noise_mps of a case", "beam_sd_mps", "", 1.0),
+    ("water", "factor of the water's readings", "scale", "scale_sd", 1.0),
+)
+"""Of which block of audit.json, name with unit, names of value and 1 sigma there, and the factor to the unit."""
+_CAPTION = "Value, a number a beam or axis, ± 1 sigma; the matrix is the one that the instrument uses."
 
 
-def _estimates(audit: Audit) -> list[Part]:
-    """A table of each estimator that found something."""
-    found, mounting, water = audit.assessment, audit.mounting, audit.water
-    parts = [] if found.matrix is None else [_beams_part(audit)]
-    if found.closures:
-        rows = [
-            [
-                " ".join(f"{weight:+.3f}" for weight in one.weights), str(one.pings),
-                *(f"{1e3 * getattr(one, name):.1f}" for name in _CLOSURE), f"{100.0 * one.beyond_3_sigma:.2f} %",
-            ]
-            for one in found.closures
-        ]  # fmt: skip
-        caption = "The combinations of the beams to which no velocity contributes, mm/s."
-        columns = ["Weights", "Pings", *_CLOSURE.values(), "Beyond 3 sigma"]
-        parts.append(Part("closure", "Closure", [Table(columns, rows, caption)]))
-    if mounting is not None:
-        turned = zip(
-            ("roll", "pitch", "yaw"),
-            np.rad2deg(mounting.rpy_rad),
-            np.rad2deg(mounting.misalignment_sd_rad),
-            strict=True,
-        )
-        moved = zip("xyz", mounting.lever_arm_p_m, mounting.lever_arm_sd_m, strict=True)
-        values: list[Quantity] = [
-            *((f"{name} of the DVL against the platform, °", value, sd) for name, value, sd in turned),
-            *((f"lever arm {name}, m", value, sd) for name, value, sd in moved),
-            ("reference time minus DVL time, s", mounting.clock_offset_s, mounting.clock_offset_sd_s),
-            ("scale, %", 100.0 * mounting.scale, 100.0 * mounting.scale_sd),
-        ]
-        lost = "" if mounting.follows else "; the velocity does not follow it, and nothing here is observable"
-        parts.append(
-            _quantities(
-                "mounting", "Mounting", values, f"From {mounting.source}, {mounting.instants} instants{lost}."
-            )
-        )
-    if water is not None:
-        of_axis = {
-            "current, m/s": water.current_mps, "its drift, m/s in an hour": water.drift_mps_per_h,
-            "one ping, 1 sigma, m/s": water.ping_sd_mps,
-        }  # fmt: skip
-        values = [
-            (f"{axis}: {name}", of[k], np.nan)
-            for k, axis in enumerate(("north", "east"))
-            for name, of in of_axis.items()
-        ]
-        values += [
-            (
-                "a beam of both from ping to ping (water_track.noise_mps of a case), m/s",
-                water.beam_sd_mps,
-                np.nan,
-            ),
-            ("factor of the water's readings", water.scale, water.scale_sd),
-        ]
-        caption = f"Bottom less water in cell {water.cell}, {water.range_m:.1f} m along the beam, {water.pings} pings."
-        parts.append(_quantities("water", "Water against the bottom", values, caption))
-    return parts
-
-
-def _quantities(name: str, heading: str, values: Iterable[Quantity], caption: str) -> Part:
-    rows = [[what, f"{value:.3f}", "" if np.isnan(sd) else number(sd, 2)] for what, value, sd in values]
-    return Part(name, heading, [Table(["Quantity", "Estimate", "±"], rows, caption)])
-
-
-def _beams_part(audit: Audit) -> Part:
-    matrix, matched = audit.assessment.matrix, audit.assessment.match
-    assert matrix is not None
-    columns = ["Beam", "Tilt, °", "Azimuth, °", "Scale", "Bias, mm/s", "Valid, %"]
-    rows = [
-        [
-            str(row["beam"]),
-            f"{row['tilt_deg']:.3f} ± {row['tilt_sd_deg']:.1g}",
-            f"{row['azimuth_deg'] + 0.0:.3f} ± {row['azimuth_sd_deg']:.1g}",
-            f"{row['scale']:.4f} ± {row['scale_sd']:.1g}",
-            f"{round(1e3 * row['bias_mps'], 2) + 0.0:.2f} ± {1e3 * row['bias_sd_mps']:.1g}",
-            f"{100.0 * row['valid_fraction']:.1f}",
-            *([f"{row['stated_sign'] * row['stated_beam']}", f"{row['off_deg']:.3f}"] if matched else []),
-        ]
-        for row in beams_table(audit).iter_rows(named=True)
-    ]
-    caption = (
-        f"{matrix.regression.capitalize()}, {matrix.pings} pings, residual {1e3 * matrix.residual_mps:.3g} mm/s. This "
-        "is the matrix that the instrument uses; ± is one standard deviation from resampled blocks of pings."
-    )
-    return Part(
-        "beams", "Beams", [Table([*columns, *(["Is beam", "Off, °"] if matched else [])], rows, caption)]
-    )
+def _estimates(numbers: Mapping[str, Any]) -> Iterator[list[str]]:
+    """A row per estimate."""
+    for block, title, name, sd_name, factor in ESTIMATES:
+        found = numbers[block] or []
+        for one in found if isinstance(found, list) else [found]:
+            values, sds = (np.atleast_1d(np.array(one.get(key), dtype=float)) for key in (name, sd_name))
+            told = [f"{value:.5g}" for value in factor * values]
+            spreads = ["" if np.isnan(sd) else f" ± {number(float(sd), 2)}" for sd in factor * sds]
+            each = zip(told, spreads if sd_name else [""] * len(told), strict=True)
+            yield [block.replace("_", " "), title, ", ".join(map("".join, each))]

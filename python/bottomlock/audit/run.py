@@ -5,68 +5,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from bottomlock.audit.checks import found_in
 from bottomlock.audit.context import Context
-from bottomlock.audit.logs import BeamLog, Reference, read_log, read_own_attitude
+from bottomlock.audit.logs import Reference, read_log, read_own_attitude
 from bottomlock.files.atomic_write import plain
-from bottomlock.io.beam_table import WaterTable, read_water_table, water_file
-from bottomlock.io.beams import check_beam_count, read_geometry
-from bottomlock.kernel import BeamGeometry
+from bottomlock.io.beam_table import read_water_table, water_file
+from bottomlock.io.beams import read_geometry
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Depths, Inertial
 
 
 class Audit(Context):
-    """Result of an audit: what was estimated of a log, and what was found."""
-
-    @cached_property
-    def findings(self) -> list[Finding]:
-        """Ranked, the worst first."""
-        return found_in(self)
-
-
-def audit_log(
-    log: BeamLog,
-    *,
-    stated: BeamGeometry | None = None,
-    geometry_name: str | None = None,
-    mounting_rpy_rad: ArrayLike = (0.0, 0.0, 0.0),
-    reference: Reference | None = None,
-    imu: Inertial | None = None,
-    depths: Depths | None = None,
-    water: WaterTable | None = None,
-    own_attitude: Reference | None = None,
-) -> Audit:
-    """Audits a log that has been read.
-
-    Args:
-        log: from `bottomlock.audit.logs.read_log`.
-        stated, geometry_name, mounting_rpy_rad, reference, imu, depths, own_attitude: as `Context` has them.
-        water: cells of water of the same instrument.
+    """An audit of a log that has been read: what is estimated of it, and what is found.
 
     Raises:
         DataError: for a geometry or water with another number of beams than the log.
 
     Examples:
         >>> from bottomlock import BeamGeometry
+        >>> from bottomlock.audit.logs import BeamLog
         >>> rng, janus = np.random.default_rng(3), BeamGeometry.janus(0.35)
         >>> motion = rng.normal(size=(400, 3)) * [0.5, 0.3, 0.2]
         >>> readings = janus.beam_velocities(motion) + 0.01 * rng.normal(size=(400, 4))
         >>> own = readings @ np.linalg.pinv(janus.directions_p).T
         >>> log = BeamLog("dive", np.arange(400) * 10**8, readings[:, [1, 0, 2, 3]], np.ones((400, 4), bool), None, own)
-        >>> [(one.kind, one.beams) for one in audit_log(log, stated=janus).findings]
+        >>> [(one.kind, one.beams) for one in Audit(log, stated=janus).findings]
         [('swapped_beams', (1, 2))]
     """
-    if stated is not None and log.beams:
-        check_beam_count(log.place, log.beams, stated.beams)
-    made = Audit(
-        log, stated, geometry_name, np.array(mounting_rpy_rad, dtype=np.float64), reference, imu, depths, water,
-        own_attitude,
-    )  # fmt: skip
-    assert made.findings is not None  # all is estimated, so that an error is raised here
-    return made
+
+    @cached_property
+    def findings(self) -> list[Finding]:
+        """Ranked, the worst first."""
+        return found_in(self)
 
 
 def audit_file(
@@ -91,15 +62,17 @@ def audit_file(
     instrument = None if geometry is None else read_geometry(geometry)
     log = read_log(path, None if instrument is None else instrument.columns)
     water = water_file(path)
-    return audit_log(
+    made = Audit(
         log,
-        stated=None if instrument is None else instrument.geometry,
-        geometry_name=None if geometry is None else str(geometry),
-        mounting_rpy_rad=np.zeros(3) if instrument is None else instrument.mounting_rpy_rad,
-        reference=reference, imu=imu, depths=depths,
-        water=read_water_table(water) if water.is_file() else None,
-        own_attitude=read_own_attitude(path) if water.is_file() else None,
+        None if instrument is None else instrument.geometry,
+        None if geometry is None else str(geometry),
+        np.zeros(3) if instrument is None else instrument.mounting_rpy_rad,
+        reference, imu, depths,
+        read_water_table(water) if water.is_file() else None,
+        read_own_attitude(path) if water.is_file() else None,
     )  # fmt: skip
+    assert made.findings is not None  # so that what does not fit is refused here
+    return made
 
 
 _OF_MATRIX = (
@@ -112,7 +85,6 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
     """All results in the types of JSON, in SI units and radians."""
     log, found = audit.log, audit.assessment
     matched, valid = found.match, log.valid.sum(axis=1)
-    rotation = None if matched is None else matched.rotation.as_rotvec()
     content = {
         "log": log.place,
         "geometry": audit.geometry_name,
@@ -126,12 +98,7 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "converted": log.beside,
         "matrix": found.matrix and {name: getattr(found.matrix, name) for name in _OF_MATRIX},
         "match": matched
-        and {
-            "sign": matched.sign,
-            "off_rad": matched.off_rad,
-            "beam": matched.beam + 1,
-            "rotation_rad": rotation,
-        },
+        and vars(matched) | {"beam": matched.beam + 1, "rotation_rad": matched.rotation.as_rotvec()},
         "closure": [
             {name: of for name, of in vars(one).items() if name != "values_mps"}
             | {"beam_sigma_mps": one.beam_sigma_mps}
