@@ -98,7 +98,10 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "converted": log.beside,
         "matrix": found.matrix and {name: getattr(found.matrix, name) for name in _OF_MATRIX},
         "match": matched
-        and vars(matched) | {"beam": matched.beam + 1, "rotation_rad": matched.rotation.as_rotvec()},
+        and {
+            "beam": matched.beam + 1, "sign": matched.sign, "off_rad": matched.off_rad,
+            "rotation_rad": matched.rotation.as_rotvec(),
+        },
         "closure": [
             {name: of for name, of in vars(one).items() if name != "values_mps"}
             | {"beam_sigma_mps": one.beam_sigma_mps}
@@ -108,5 +111,5 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
         "depth_rate": audit.depth,
         "mounting": audit.mounting,
         "water": audit.water,
-    }
+    }  # fmt: skip
     return dict(plain(content))
