@@ -43,7 +43,7 @@ PUSH: dict[str, Callable[[kernel.Navigator, int, Mapping[str, Any], int, Any], o
         sd_m=drawn["acoustic_position_sd_m"][k],
     ),
     "thrust": lambda navigator, time_ns, drawn, k, model: navigator.push_thrust(
-        time_ns, float(drawn["thrust_revolutions_hz"][k]), sd_mps=model.noise_sd_mps
+        time_ns, drawn["thrust_speed_p_mps"][k], sd_mps=model.noise_sd_mps
     ),
 }
 """Gives reading k of the kernel's arrays to a navigator, at a time and with the sensor's section of the model."""

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
         DepthModel,
         DvlModel,
         DvlOutlierModel,
-        EffortModel,
         Environment,
         GpsModel,
         HeadingModel,
@@ -91,7 +90,7 @@ if TYPE_CHECKING:
 __all__ = [
     "FIX_METHODS", "METHODS", "AcousticPositionModel", "AcousticPositionReading", "Assumptions",
     "AttitudeReading", "BeamGeometry", "BottomlockError", "Calibration", "CurrentLayers", "DataError",
-    "DepthModel", "DepthReading", "DvlModel", "DvlOutlierModel", "EffortModel", "EffortReading", "EngineError",
+    "DepthModel", "DepthReading", "DvlModel", "DvlOutlierModel", "EffortReading", "EngineError",
     "Environment", "GpsModel", "GpsReading", "HeadingModel", "ImuLimits", "ImuModel", "ImuReading",
     "InitialModel", "InitialState", "KernelError", "Levers", "Log", "MagnetometerModel", "Model", "Motion",
     "MotionFromAttitude", "Navigator", "Options", "OutputError", "Ping", "Replay", "Report", "Results",
@@ -120,7 +119,7 @@ _LAZY = {
         ),
         "kernel.models": (
             "AcousticPositionModel Assumptions Calibration CurrentLayers DepthModel DvlModel "
-            "DvlOutlierModel EffortModel Environment GpsModel HeadingModel ImuLimits ImuModel "
+            "DvlOutlierModel Environment GpsModel HeadingModel ImuLimits ImuModel "
             "InitialModel InitialState Levers MagnetometerModel Model Motion Options Robust SpeedBound "
             "ThrustModel Water WaterTrackModel"
         ),

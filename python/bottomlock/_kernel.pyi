@@ -170,15 +170,8 @@ class WaterStateDict(TypedDict):
 
 @type_check_only
 class ThrustStateDict(TypedDict):
-    advance_m: float
-    slip_mps: float
-    covariance: NDArray[np.float64]
-
-@type_check_only
-class EffortStateDict(TypedDict):
-    speed_scale: NDArray[np.float64]
+    scale: NDArray[np.float64]
     slip_mps: NDArray[np.float64]
-    inertia_error: NDArray[np.float64]
     covariance: NDArray[np.float64]
 
 @type_check_only
@@ -235,10 +228,9 @@ class AidingDict(TypedDict):
     gps_position: bool
     gps_velocity: bool
     acoustic_position: NotRequired[bool]
-    thrust: NotRequired[bool]
-    effort_surge: NotRequired[bool]
-    effort_sway: NotRequired[bool]
-    effort_heave: NotRequired[bool]
+    thrust_surge: NotRequired[bool]
+    thrust_sway: NotRequired[bool]
+    thrust_heave: NotRequired[bool]
     levers: NotRequired[Mapping[str, ArrayLike]]
 
 @type_check_only
@@ -252,10 +244,9 @@ class AidingScheduleDict(TypedDict):
     gps_position: NDArray[np.bool_]
     gps_velocity: NDArray[np.bool_]
     acoustic_position: NotRequired[NDArray[np.bool_]]
-    thrust: NotRequired[NDArray[np.bool_]]
-    effort_surge: NotRequired[NDArray[np.bool_]]
-    effort_sway: NotRequired[NDArray[np.bool_]]
-    effort_heave: NotRequired[NDArray[np.bool_]]
+    thrust_surge: NotRequired[NDArray[np.bool_]]
+    thrust_sway: NotRequired[NDArray[np.bool_]]
+    thrust_heave: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
 class ObservabilityDict(TypedDict):
@@ -304,9 +295,7 @@ class LogDict(TypedDict):
     acoustic_position_t_m: NotRequired[ArrayLike]
     acoustic_position_sd_m: NotRequired[ArrayLike]
     thrust_time_ns: NotRequired[NDArray[np.int64]]
-    thrust_revolutions_hz: NotRequired[ArrayLike]
-    effort_time_ns: NotRequired[NDArray[np.int64]]
-    effort_force_p_n: NotRequired[ArrayLike]
+    thrust_speed_p_mps: NotRequired[ArrayLike]
     water_track_time_ns: NotRequired[NDArray[np.int64]]
     water_track_velocity_mps: NotRequired[ArrayLike]
     water_track_valid: NotRequired[NDArray[np.bool_]]
@@ -320,7 +309,6 @@ class LogDict(TypedDict):
     gps_withheld: NotRequired[NDArray[np.bool_]]
     acoustic_position_withheld: NotRequired[NDArray[np.bool_]]
     thrust_withheld: NotRequired[NDArray[np.bool_]]
-    effort_withheld: NotRequired[NDArray[np.bool_]]
     water_track_withheld: NotRequired[NDArray[np.bool_]]
 
 @type_check_only
@@ -524,8 +512,7 @@ class Navigator:
     def push_velocity(
         self, time_ns: int, velocity_p_mps: ArrayLike, *, cov_m2ps2: ArrayLike
     ) -> list[Report]: ...
-    def push_thrust(self, time_ns: int, revolutions_hz: float, *, sd_mps: float) -> list[Report]: ...
-    def push_effort(self, time_ns: int, force_p_n: ArrayLike, *, sd_n: float) -> list[Report]: ...
+    def push_thrust(self, time_ns: int, speed_p_mps: ArrayLike, *, sd_mps: float) -> list[Report]: ...
     def push_depth(self, time_ns: int, depth_m: float, *, sd_m: float) -> list[Report]: ...
     def push_attitude(
         self, time_ns: int, attitude_t_p: ArrayLike, *, roll_pitch_sd_rad: float, yaw_sd_rad: float
@@ -553,7 +540,6 @@ class Navigator:
     def covariance(self) -> NDArray[np.float64]: ...
     def water(self) -> WaterStateDict | None: ...
     def thrust(self) -> ThrustStateDict | None: ...
-    def effort(self) -> EffortStateDict | None: ...
     def attitude_error(self) -> SlowErrorDict | None: ...
     def heading_error(self) -> SlowErrorDict | None: ...
     def calibration(self) -> CalibrationStateDict | None: ...

@@ -68,10 +68,6 @@ def navigator(rng: Random, trial: Trial) -> None:
     if thrust is not None:
         trial.finite("thrust", thrust)
         trial.covariance("thrust", thrust["covariance"])
-    effort = trial.call("effort", flown.effort, Arguments({}))
-    if effort is not None:
-        trial.finite("effort", effort)
-        trial.covariance("effort", effort["covariance"])
     water = trial.call("water", flown.water, Arguments({}))
     if water is not None:
         # A layer that was never measured is infinitely old.
@@ -83,7 +79,6 @@ def navigator(rng: Random, trial: Trial) -> None:
 _PUSHES = (
     *["push_imu"] * 10, *["push_beams"] * 4, *["push_water_track"] * 2, "push_imu_block", "push_velocity", "push_depth",
     "push_attitude", "push_heading", "push_gps", "push_position", "push_acoustic_position", "push_thrust",
-    "push_effort",
 )  # fmt: skip
 
 
@@ -123,8 +118,7 @@ def _push(name: str, time_ns: int, beams: int, rng: Random) -> dict[str, Any]:
             "position_sd_m": np.full(3, 2.0),
             "velocity_sd_mps": np.full(3, 0.1),
         },
-        "push_thrust": {"revolutions_hz": rng.choice((0.0, 20.0 + 5.0 * yaw)), "sd_mps": 0.02},
-        "push_effort": {"force_p_n": rng.choice((0.0, 1.0, 50.0)) * three, "sd_n": 1.0},
+        "push_thrust": {"speed_p_mps": rng.choice((0.0, 0.1, 2.0)) * three, "sd_mps": 0.02},
         "push_position": {"position_t_m": three, "position_sd_m": np.full(3, 2.0)},
         "push_acoustic_position": {"position_t_m": three} | ({"sd_m": np.full(3, 1.0)} if yaw > 0 else {}),
     }

@@ -43,14 +43,8 @@ def model() -> dict[str, Any]:
             "outlier_factor": 10.0,
         },
         "thrust": {
-            "advance_m": 0.1, "advance_sd_m": 0.01, "true_advance_m": 0.0, "slip_sd_mps": 0.02, "slip_time_s": 5.0,
+            "scale_sd": [0.1, 0.1, 0.0], "true_scale_error": 0.0, "slip_sd_mps": [0.02, 0.03, 0.0], "slip_time_s": 5.0,
             "noise_sd_mps": 0.01,
-        },
-        "effort": {
-            "mass_kg": [30.0, 40.0, 50.0], "linear_drag_kgps": [20.0, 0.0, 0.0],
-            "quadratic_drag_kgpm": [10.0, 80.0, 0.0], "buoyancy_n": 3.0, "speed_scale_sd": 0.1,
-            "speed_scale_time_s": 8e4, "inertia_sd": 0.2, "inertia_time_s": 8e4, "slip_sd_mps": 0.02,
-            "slip_time_s": 5.0, "noise_sd_n": 1.0,
         },
     }  # fmt: skip
 

@@ -92,8 +92,7 @@ def _push_all(both: Both, step: int, random: np.random.Generator) -> None:
         1: ("beams", (late, noisy, valid), {"sd_mps": sd}),
         5: ("water_track", (t, noisy - 0.1, valid), {"sd_mps": sd, "range_m": 5.0}),
         9: ("depth", (t, depth), {"sd_m": 0.02}),
-        11: ("thrust", (late, 10.0 + depth), {"sd_mps": 0.05}),
-        12: ("effort", (late, 30.0 * omega + (25.0, 1.0, 5.0)), {"sd_n": 1.0}),
+        11: ("thrust", (late, 3.0 * omega + (1.0 + depth, 0.1, 0.0)), {"sd_mps": 0.05}),
         13: ("heading", (late, yaw), {"sd_rad": 0.1}),
         17: ("attitude", (t, (1, 0, 0, 0)), {"roll_pitch_sd_rad": 0.02, "yaw_sd_rad": 0.1}),
         21: ("gps", (t, (0, 0, 0), (1, 0, 0)), {"position_sd_m": (2, 2, 2), "velocity_sd_mps": (1, 1, 1)}),
@@ -120,10 +119,7 @@ def test_every_sensor(c: CLibrary) -> None:
     errors = settings.table_2()
     errors["magnetometer"] |= {"yaw_offset_sd_rad": 0.05, "roll_pitch_walk_sd_rad": 0.01}
     errors["heading"] |= {"offset_sd_rad": 0.05, "walk_sd_rad": 0.02, "walk_time_s": 100.0}
-    errors["thrust"] = models.ThrustModel(advance_m=0.1, advance_sd_m=0.01)
-    errors["effort"] = models.EffortModel(
-        mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 0), quadratic_drag_kgpm=(10, 0, 80), buoyancy_n=-2.0
-    )
+    errors["thrust"] = models.ThrustModel(scale_sd=(0.1, 0.1, 0.0), slip_sd_mps=(0.02, 0.03, 0.0))
     model = Model(**errors)
     options = Options(water_track=True, thrust="velocity", current_layers=layers, calibration=calibration)
     start = InitialState(
@@ -144,7 +140,7 @@ def test_every_sensor(c: CLibrary) -> None:
 def _same_estimates(c: CLibrary, ours: CNavigator, theirs: Navigator) -> None:
     """What is estimated beside the state, and the counts."""
     count = ctypes.c_size_t()
-    for kind in ("water", "thrust", "effort", "calibration"):
+    for kind in ("water", "thrust", "calibration"):
         one, expected = c.structure(kind), cast(Any, getattr(theirs, kind)())
         c(f"navigator_{kind}", ours.pointer, one)
         for name, *_ in one._fields_:

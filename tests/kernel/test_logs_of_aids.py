@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import Method, Navigator, replay_log
-from bottomlock.kernel.models import AcousticPositionModel, CurrentLayers
+from bottomlock.kernel.models import AcousticPositionModel, CurrentLayers, ThrustModel
 from tests.kernel import documented_navigator as example
-from tests.kernel import test_effort, test_thrust, test_water_track
+from tests.kernel import test_thrust, test_water_track
 
 RANDOM = np.random.default_rng(3)
 IMU_NS = np.arange(0, 4_000_000_000, 10_000_000)
@@ -17,8 +17,7 @@ OMEGA = 0.01 * RANDOM.normal(size=FORCE.shape)
 AID_NS = IMU_NS[25::50] + 3_000_000
 BEAMS = RANDOM.normal(size=(len(AID_NS), 4))
 COLUMNS: dict[str, dict[str, Any]] = {
-    "thrust": {"revolutions_hz": 16.0 + RANDOM.normal(size=len(AID_NS))},
-    "effort": {"force_p_n": np.array([40.0, 0.0, 2.4]) + RANDOM.normal(size=(len(AID_NS), 3))},
+    "thrust": {"speed_p_mps": np.array([1.6, 0.0, 0.1]) + 0.1 * RANDOM.normal(size=(len(AID_NS), 3))},
     "water_track": {
         "velocity_mps": BEAMS, "valid": RANDOM.random(BEAMS.shape) < 0.8, "range_m": 40.0 * RANDOM.random(len(AID_NS)),
     },
@@ -28,13 +27,14 @@ COLUMNS: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 """Of each sensor, and of fixes with deviations of their own."""
+DRIVES = ThrustModel(scale_sd=[0.1] * 3, slip_sd_mps=[0.02] * 3)
+AXES = ("thrust_surge", "thrust_sway", "thrust_heave")
 LAYERED = test_thrust.ON.replace(current_layers=CurrentLayers())
 TRANSCEIVER = example.model.replace(
     acoustic_position=AcousticPositionModel(sd_m=0.5, sd_per_range=0.02, transceiver_t_m=[40.0, -30.0, 5.0])
 )
 SETTINGS: dict[str, tuple[Any, Any, tuple[str, ...], tuple[Method, ...]]] = {
-    "thrust": (test_thrust.MODEL, LAYERED, ("thrust",), ("ins", "tc", "sway_current")),
-    "effort": (test_effort.MODEL, test_effort.ON, test_effort.AXES, ("ins", "tc", "sway_current")),
+    "thrust": (test_thrust.MODEL.replace(thrust=DRIVES), LAYERED, AXES, ("ins", "tc", "sway_current")),
     "water_track": (example.model, test_water_track.LAYERED, ("water_track",), ("tc", "sway_current")),
     "acoustic_position": (TRANSCEIVER, example.options, ("acoustic_position",), ("tc", "sway_current")),
 }
@@ -46,9 +46,7 @@ def push(flown: Navigator, columns: str, row: int) -> None:
     time_ns, values = int(AID_NS[row]), {key: column[row] for key, column in COLUMNS[columns].items()}
     sensor = columns.removesuffix(" with")
     if sensor == "thrust":
-        flown.push_thrust(time_ns, **values, sd_mps=test_thrust.PROPELLER.noise_sd_mps)
-    elif sensor == "effort":
-        flown.push_effort(time_ns, **values, sd_n=test_effort.HULL.noise_sd_n)
+        flown.push_thrust(time_ns, **values, sd_mps=DRIVES.noise_sd_mps)
     elif sensor == "acoustic_position":
         flown.push_acoustic_position(time_ns=time_ns, position_t_m=values["t_m"], sd_m=values.get("sd_m"))
     else:
@@ -87,5 +85,5 @@ def test_a_log_gives_the_bits_of_the_navigator(columns: str) -> None:
             for name in ("current_t_mps", "current_covariance"):
                 np.testing.assert_array_equal(out[name][0, 0], water[name])
         loaded = Navigator.load(flown.save())
-        for name in ("thrust", "effort", "water"):
+        for name in ("thrust", "water"):
             np.testing.assert_equal(getattr(loaded, name)(), getattr(flown, name)())

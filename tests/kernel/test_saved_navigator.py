@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bottomlock.kernel import METHODS, SENSORS, BeamGeometry, KernelError, Navigator
-from bottomlock.kernel.models import EffortModel, ThrustModel
+from bottomlock.kernel.models import ThrustModel
 from tests.kernel.report_bits import report_bits
 from tests.property import settings
 
@@ -51,10 +51,9 @@ PUSH: dict[str, Push] = {
     "acoustic_position": lambda to, time_ns, draw: to.push_acoustic_position(
         time_ns=time_ns, position_t_m=2.0 * draw.normal(size=3)
     ),
-    "thrust": lambda to, time_ns, draw: to.push_thrust(time_ns, draw.normal(), sd_mps=0.05),
-    "effort_surge": lambda to, time_ns, draw: to.push_effort(time_ns, [10.0 * draw.normal(), 0, 0], sd_n=1.0),
-    "effort_sway": lambda to, time_ns, draw: to.push_effort(time_ns, 10.0 * draw.normal(size=3), sd_n=1.0),
-    "effort_heave": lambda to, time_ns, draw: to.push_effort(time_ns, [0, 0, 10.0 * draw.normal()], sd_n=1.0),
+    "thrust_surge": lambda to, time_ns, draw: to.push_thrust(time_ns, [draw.normal(), 0, 0], sd_mps=0.05),
+    "thrust_sway": lambda to, time_ns, draw: to.push_thrust(time_ns, draw.normal(size=3), sd_mps=0.05),
+    "thrust_heave": lambda to, time_ns, draw: to.push_thrust(time_ns, [0, 0, draw.normal()], sd_mps=0.05),
 }
 """A measurement of every sensor."""
 
@@ -70,10 +69,7 @@ def navigator(method: Any) -> Navigator:  # noqa: ANN401
         "outlier_fraction": 0.0,
         "outlier_factor": 1.0,
     }
-    model["thrust"] = ThrustModel(advance_m=0.1, advance_sd_m=0.01).as_dict()
-    model["effort"] = EffortModel(
-        mass_kg=(30, 40, 50), linear_drag_kgps=(20, 40, 60), quadratic_drag_kgpm=(10, 0, 0)
-    ).as_dict()
+    model["thrust"] = ThrustModel(scale_sd=[0.1] * 3, slip_sd_mps=[0.02] * 3).as_dict()
     start: Any = settings.start(attitude=LEVEL)
     robust = {"closure_gate": 0.999, "beam_gate": 0.999, "tail": "student_t", "student_t_degrees": 4.0}
     options = settings.options(gate="joint", inflate_after_rejections=3, robust=robust) | {
@@ -108,7 +104,6 @@ def everything(of: Navigator) -> bytes:
         *water.pop("layers").values(),
         *water.values(),
         *(of.thrust() or {}).values(),
-        *(of.effort() or {}).values(),
     ]
     return b"".join(np.asarray(value).tobytes() for value in values)
 
@@ -174,7 +169,7 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:30], "30 bytes are too few"),
         (
             lambda data: data[:8] + struct.pack("<H", 16) + data[10:],
-            "format 16, expected 18: another version",
+            "format 16, expected 19: another version",
         ),
     ],
 )

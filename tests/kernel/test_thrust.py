@@ -1,4 +1,4 @@
-"""Revolutions of the propeller in a navigator and a log: the literal equation, what they tell, refusals, bits."""
+"""Speeds by the drives in a navigator: the literal equation along each axis."""
 
 from typing import Any, Literal
 
@@ -11,7 +11,7 @@ from tests.kernel import documented_navigator as example
 from tests.oracle import thrust as oracle
 from tests.oracle.rotations import matrix_from_euler, quaternion_from_euler
 
-PROPELLER = ThrustModel(advance_m=0.1, advance_sd_m=0.01)
+PROPELLER = ThrustModel(scale_sd=[0.1, 0.0, 0.0], slip_sd_mps=[0.02, 0.0, 0.0])
 MODEL = example.model.replace(
     thrust=PROPELLER, environment=example.model.environment.replace(earth_rate_radps=0.0)
 )
@@ -26,30 +26,35 @@ def still(navigator: Navigator, time_ns: int) -> list[Any]:
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 20.0, 89.9, 90.0, -90.0])
 @pytest.mark.parametrize("used", ["velocity", "all"])
-def test_updates_are_the_literal_filter(used: Literal["velocity", "all"], pitch_deg: float) -> None:
-    """Innovation, states, advance, slip, current and covariance after a reading, of dense matrices."""
+@pytest.mark.parametrize("k", [0, 1, 2])
+def test_updates_are_the_literal_filter(k: int, used: Literal["velocity", "all"], pitch_deg: float) -> None:
+    """Innovation, states, scale, slip, current and covariance after a reading, of dense matrices."""
+    axis = np.eye(3)[k]
+    drives = ThrustModel(scale_sd=0.1 * axis, slip_sd_mps=0.02 * axis)
     rng, angles = np.random.default_rng(4), (0.2, np.deg2rad(pitch_deg), 1.1)
     root = rng.normal(size=(20, 20)) * 0.02
     initial = example.initial.replace(attitude_t_p=quaternion_from_euler(*angles))
     before = root @ root.T + 1e-3 * np.eye(20)
     before[3:6] *= 0.01
     before[:, 3:6] *= 0.01
-    flown = Navigator(example.janus, MODEL, ON.replace(thrust=used), initial, method="ins", covariance=before)
+    model = MODEL.replace(thrust=drives)
+    flown = Navigator(example.janus, model, ON.replace(thrust=used), initial, method="ins", covariance=before)
     still(flown, 0)
     P = np.zeros((24, 24))
     P[:20, :20] = before
     P[[20, 21, 22, 23], [20, 21, 22, 23]] = np.square(
-        [0.01, PROPELLER.slip_sd_mps, ON.water.current_sd_mps, ON.water.current_sd_mps]
+        [0.1, 0.02, ON.water.current_sd_mps, ON.water.current_sd_mps]
     )
     velocity, R = np.array([2.0, 0.0, 0.0]), matrix_from_euler(*angles)
-    advance, slip, current = 0.1, 0.0, np.zeros(2)
+    scale, slip, current = 1.0, 0.0, np.zeros(2)
     corrected = np.ones(24) if used == "all" else np.isin(np.arange(24), [*range(6, 9), *range(20, 24)]) * 1.0
-    n = 23.0
-    (report,) = flown.push_thrust(0, n, sd_mps=0.02)
-    z = oracle.residual(n, advance, slip, velocity, R, current)
-    H = oracle.jacobian(n, R, current)
-    H = oracle.jacobian(oracle.without_slip(n, z, P, H, 0.02**2, advance), R, current)
-    assert (report.sensor, report.verdict, report.degrees) == ("thrust", "accepted", 1)
+    n = (2.3, 0.3, -0.2)[k]
+    (report,) = flown.push_thrust(0, n * axis, sd_mps=0.02)
+    z = oracle.residual(axis, n, scale, slip, velocity, R, current)
+    H = oracle.jacobian(axis, n, R, current)
+    H = oracle.jacobian(axis, oracle.without_slip(n, z, P, H, 0.02**2, scale), R, current)
+    name = ("thrust_surge", "thrust_sway", "thrust_heave")[k]
+    assert (report.sensor, report.verdict, report.degrees) == (name, "accepted", 1)
     np.testing.assert_allclose(report.residual, [z], atol=1e-12)
     np.testing.assert_allclose(report.covariance, H @ P @ H.T + 0.02**2, rtol=1e-9)
     error, P = oracle.update(P, H, 0.02**2, z, corrected)
@@ -58,8 +63,9 @@ def test_updates_are_the_literal_filter(used: Literal["velocity", "all"], pitch_
     assert water is not None
     np.testing.assert_allclose(state["velocity_p_mps"], velocity + error[6:9], atol=1e-9)
     np.testing.assert_allclose(state["position_t_m"], np.array([0.0, 0.0, 20.0]) + error[:3], atol=1e-9)
-    found = [estimated["advance_m"], estimated["slip_mps"]]
-    np.testing.assert_allclose(found, [advance + error[20], slip + error[21]], atol=1e-10)
+    found = [estimated["scale"][k], estimated["slip_mps"][k]]
+    np.testing.assert_allclose(found, [scale + error[20], slip + error[21]], atol=1e-10)
     np.testing.assert_allclose(water["current_t_mps"], current + error[22:24], atol=1e-10)
-    np.testing.assert_allclose(estimated["covariance"], P[20:22, 20:22], atol=1e-10)
+    own = estimated["covariance"][np.ix_([k, 3 + k], [k, 3 + k])]
+    np.testing.assert_allclose(own, P[20:22, 20:22], atol=1e-10)
     np.testing.assert_allclose(flown.covariance(), P[:20, :20], atol=1e-9)

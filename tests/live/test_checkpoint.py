@@ -100,7 +100,8 @@ aids = "heading"
 [water_track]
 [thrust]
 advance_m = 0.1
-[effort]
+"""
+EFFORT = """[effort]
 mass_kg = [20.0, 20.0, 20.0]
 linear_drag_kg_per_s = [5.0, 5.0, 5.0]
 """
@@ -113,7 +114,7 @@ def with_sensors(folder: Path, *changes: tuple[str, str]) -> LiveConfig:
     text = text.replace(
         "origin.latitude_deg = 32.8", "origin.latitude_deg = 32.8\norigin.longitude_deg = 0.0"
     )
-    for kind in ("attitude", "gps", "acoustic", "thrust", "effort"):
+    for kind in ("attitude", "gps", "acoustic", "thrust"):
         text += f'[[source]]\nname = "{kind}"\naddress = "{{imu}}"\nformat = "{kind}-csv"\nrate_hz = 1\n'
     for old, new in changes:
         assert old in text or old in geometry
@@ -138,7 +139,6 @@ BEAMS = "beam_noise_mps = 0.01\n"
             ("acoustic_position", "transceiver_m = [1.0, 0.0, 0.0]"),
             ("water_track", "cells = [2]"),
             ("thrust", "slip_mps = 0.03"),
-            ("effort", "slip_mps = 0.03"),
             ("start", "level_sd_deg = 3.0"),
         )
     ]
@@ -164,9 +164,17 @@ def test_an_edit_of_any_setting_or_of_the_geometry_begins_anew(tmp_path: Path, o
     assert with_sensors(tmp_path, (old, new)).content_hash() != before
 
 
+def test_an_edit_of_the_hull_begins_anew(tmp_path: Path) -> None:
+    """Forces, in place of revolutions, with the mass that the kernel does not see."""
+    instead = ("[thrust]\nadvance_m = 0.1\n", EFFORT), ('"thrust-csv"', '"effort-csv"')
+    before = with_sensors(tmp_path, *instead).content_hash()
+    assert with_sensors(tmp_path, *instead, ("[20.0, 20.0,", "[20.0, 21.0,")).content_hash() != before
+
+
 def test_every_section_of_a_navigator_was_edited(tmp_path: Path) -> None:
-    """The sections above are all that there are."""
-    assert all(getattr(with_sensors(tmp_path), name) is not None for name in NavigatorConfig.model_fields)
+    """The sections above are all that there are, but for the other of the two drives."""
+    missing = [name for name in NavigatorConfig.model_fields if getattr(with_sensors(tmp_path), name) is None]
+    assert missing == ["effort"]
 
 
 def test_the_geometry_of_the_start_counts(tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_every_kind_of_reading_is_taken() -> None:
         bottomlock.WaterReading(at_ns, A50_GEOMETRY.directions_p @ VELOCITY, valid, sd, 3.0),
     ]
     sensors = {report.sensor for reading in readings for report in nav.push(reading)}
-    assert sensors == {"attitude", "gps_position", "acoustic_position", "thrust", "water_track"}
+    assert sensors == {"attitude", "gps_position", "acoustic_position", "thrust_surge", "water_track"}
     assert not nav.unused
 
 

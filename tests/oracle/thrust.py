@@ -1,6 +1,6 @@
-"""Revolutions of a propeller as their equation stands: e_x'(v - R'c) = a n + s + noise, over all states that it has.
+"""A speed by the drives as its equation stands: e_k'(v - R'c) = a n + s + noise, over all states that it has.
 
-The states are the 20 of the error state, advance a and slip s, and the current c, north and east.
+The states are the 20 of the error state, scale a and slip s along the axis, and the current c, north and east.
 """
 
 import numpy as np
@@ -9,33 +9,32 @@ from tests.oracle.rotations import Array, skew
 
 STATES = 24
 MISALIGNMENT, VELOCITY = slice(3, 6), slice(6, 9)
-ADVANCE, SLIP, CURRENT = 20, 21, slice(22, 24)
-AHEAD = np.array([1.0, 0.0, 0.0])
+SCALE, SLIP, CURRENT = 20, 21, slice(22, 24)
 
 
 def residual(
-    n: float, advance: float, slip: float, velocity_p: Array, attitude_t_p: Array, current: Array
+    axis: Array, n: float, scale: float, slip: float, velocity_p: Array, attitude_t_p: Array, current: Array
 ) -> float:
-    """What the revolutions say of the speed through the water beyond what is expected of it."""
-    return advance * n + slip - float(AHEAD @ (velocity_p - attitude_t_p.T @ np.append(current, 0.0)))
+    """What the drives say of the speed through the water along an axis beyond what is expected of it."""
+    return scale * n + slip - float(axis @ (velocity_p - attitude_t_p.T @ np.append(current, 0.0)))
 
 
-def jacobian(n: float, attitude_t_p: Array, current: Array) -> Array:
+def jacobian(axis: Array, n: float, attitude_t_p: Array, current: Array) -> Array:
     """With R = Exp([rho x]) R^: v - R'(c + c x rho); the yaw is the current's own."""
     H = np.zeros((1, STATES))
-    ahead_t = attitude_t_p @ AHEAD
-    H[0, VELOCITY] = AHEAD
-    H[0, MISALIGNMENT] = -ahead_t @ skew(np.append(current, 0.0))
+    axis_t = attitude_t_p @ axis
+    H[0, VELOCITY] = axis
+    H[0, MISALIGNMENT] = -axis_t @ skew(np.append(current, 0.0))
     H[0, MISALIGNMENT.stop - 1] = 0.0
-    H[0, ADVANCE], H[0, SLIP] = -n, -1.0
-    H[0, CURRENT] = -ahead_t[:2]
+    H[0, SCALE], H[0, SLIP] = -n, -1.0
+    H[0, CURRENT] = -axis_t[:2]
     return H
 
 
-def without_slip(n: float, z: float, P: Array, H: Array, R: float, advance: float) -> float:
-    """The revolutions less ten times what slip and noise have of the innovation, and at most all of it."""
+def without_slip(n: float, z: float, P: Array, H: Array, R: float, scale: float) -> float:
+    """The speed less ten times what slip and noise have of the innovation, and at most all of it."""
     S = float((H @ P @ H.T)[0, 0]) + R
-    return n - z * min(10.0 * (float(P[SLIP, SLIP]) + R) / S, 1.0) / advance
+    return n - z * min(10.0 * (float(P[SLIP, SLIP]) + R) / S, 1.0) / scale
 
 
 def update(P: Array, H: Array, R: float, z: float, corrected: Array) -> tuple[Array, Array]:

@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel.models import EffortModel
+from bottomlock.kernel.models import ThrustModel
+from bottomlock.recordings.drives import SpeedByForces
+from bottomlock.recordings.readings import EffortReading
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
@@ -83,64 +85,56 @@ def replayed(case_file: Path) -> ReplayTables:
 
 
 def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
-    """On the clock of the case; model and option are those of the keys."""
+    """On the clock of the case, as speeds; model and option are those of the keys."""
     path = case_file.with_name("keys.toml")
-    keys = "uncertainty_percent = 5.0\ninertia_percent = 30.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_n = 2.0\n"
+    keys = "uncertainty_percent = 5.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_mps = 0.02\n"
     keys += 'lever_arm_m = [0.1, 0.0, -0.2]\ncorrects = "all"\n'
     section = (SECTION + keys).replace('{ column = "time" }', '{ column = "time", offset_s = 2.5 }')
     path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
     case = load_case(path)
     streams = read_streams(case)
     seconds, force_n = forces_of(drawn_dive(7, seconds=210.0), 1)
-    assert "effort" in streams.aiding
-    np.testing.assert_allclose(streams.aiding["effort"].force_p_n, force_n, atol=1e-8)
-    np.testing.assert_allclose(streams.aiding["effort"].time_ns * 1e-9, seconds + 2.5, atol=1e-9)
+    stream = streams.aiding["effort"]
+    np.testing.assert_allclose(stream.force_p_n, force_n, atol=1e-8)
+    np.testing.assert_allclose(stream.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
     prepared = prepare(case, streams)
     log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
-    end = int(np.searchsorted(streams.aiding["effort"].time_ns, log["imu_time_ns"][-1] + 1))
-    np.testing.assert_array_equal(log["effort_time_ns"], streams.aiding["effort"].time_ns[:end])
-    np.testing.assert_array_equal(log["effort_force_p_n"], streams.aiding["effort"].force_p_n[:end])
-    assert prepared.model.effort == EffortModel(
-        mass_kg=tuple(MASS),
-        linear_drag_kgps=tuple(LINEAR),
-        quadratic_drag_kgpm=tuple(QUADRATIC),
-        buoyancy_n=2.4,
-        speed_scale_sd=0.05,
-        inertia_sd=0.3,
-        slip_sd_mps=0.03,
-        slip_time_s=8.0,
-        noise_sd_n=2.0,
+    end = int(np.searchsorted(stream.time_ns, log["imu_time_ns"][-1] + 1))
+    np.testing.assert_array_equal(log["thrust_time_ns"], stream.time_ns[:end])
+    assert case.effort is not None
+    hull = SpeedByForces(case.effort)
+    last = np.searchsorted(log["imu_time_ns"], stream.time_ns[:end], side="right") - 1
+    rows = zip(stream.time_ns.tolist(), stream.force_p_n.tolist(), log["omega_p_radps"][last], strict=False)
+    speeds = [hull(EffortReading(time_ns, tuple(force)), omega).speed_p_mps for time_ns, force, omega in rows]
+    np.testing.assert_array_equal(log["thrust_speed_p_mps"], speeds)
+    assert prepared.model.thrust == ThrustModel(
+        scale_sd=(0.05,) * 3, slip_sd_mps=(0.03,) * 3, slip_time_s=8.0, noise_sd_mps=0.02
     )
     assert prepared.options.thrust == "all"
-    assert tuple(prepared.options.levers.effort_p_m) == (0.1, 0.0, -0.2)
+    assert tuple(prepared.options.levers.thrust_p_m) == (0.1, 0.0, -0.2)
 
 
 def test_the_forces_fit_each_method(replayed: ReplayTables) -> None:
     """How the forces fit each method, of three rows a reading, and the current."""
-    rows = [row for row in replayed.manifest["sensors"]["recorded"] if row["sensor"].startswith("effort")]
+    rows = [row for row in replayed.manifest["sensors"]["recorded"] if row["sensor"].startswith("thrust")]
     assert {row["method"] for row in rows} == {"tc", "sway_current"}
     tc = [row for row in rows if row["method"] == "tc"]
-    assert [row["sensor"] for row in tc] == ["effort_surge", "effort_sway", "effort_heave"]
+    assert [row["sensor"] for row in tc] == ["thrust_surge", "thrust_sway", "thrust_heave"]
     count = len(forces_of(drawn_dive(7, seconds=210.0), 1)[0])
     assert {(row["measured"], row["degrees"]) for row in tc} == {(count, 1.0)}
     assert sum(row["rejected"] for row in tc) < 0.02 * 3 * count
-    # The acceleration is a tenth of a second old: 1.16 seen, where chi-squared of as many rows is within 0.16.
-    assert abs(np.mean([row["nis"] for row in tc]) - 1.0) < 0.2
+    # The noise of a force, 1 N, is less than 1 cm/s but near rest.
+    assert 0.4 < np.mean([row["nis"] for row in tc]) < 1.0
     assert replayed.currents is not None
     assert set(replayed.currents["method"]) == {"tc", "sway_current"}
 
 
-def test_revolutions_and_forces_have_one_use(case_file: Path) -> None:
+def test_revolutions_and_forces_are_one_or_the_other(case_file: Path) -> None:
     path = case_file.with_name("both.toml")
     thrust = '[thrust]\nfile = "thrusters.csv"\nclock = { column = "time" }\ncolumn = "x"\nunit = "Hz"\n'
-    thrust += "advance_m = 0.1\n"
-    path.write_text(CASE.replace("[effort]", f'{thrust}corrects = "all"\n[effort]'), encoding="utf-8")
-    with pytest.raises(
-        ScenarioError, match=r'thrust\.corrects is "all" and effort\.corrects "velocity", expected the same'
-    ):
+    path.write_text(CASE.replace("[effort]", f"{thrust}advance_m = 0.1\n[effort]"), encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"\[thrust\] and \[effort\] are given, expected one of them"):
         load_case(path)
-    path.write_text(CASE.replace("[effort]", f"{thrust}[effort]"), encoding="utf-8")
-    assert load_case(path).thrust is not None
 
 
 def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> None:
@@ -148,7 +142,7 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
     found = {
         one.key: one.start for one in noise_of(case, read_streams(case)) if one.key.startswith("effort.")
     }
-    assert found == {"effort.slip_mps": 0.02, "effort.noise_n": 1.0}
+    assert found == {"effort.slip_mps": 0.02, "effort.noise_mps": 0.01}
 
 
 @pytest.mark.parametrize(

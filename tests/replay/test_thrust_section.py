@@ -120,7 +120,8 @@ def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: s
     end = int(np.searchsorted(streams.aiding["thrust"].time_ns, log["imu_time_ns"][-1] + 1))
     assert end < len(seconds[::2])
     np.testing.assert_array_equal(log["thrust_time_ns"], streams.aiding["thrust"].time_ns[:end])
-    np.testing.assert_array_equal(log["thrust_revolutions_hz"], streams.aiding["thrust"].revolutions_hz[:end])
+    ahead_mps = 0.1 * streams.aiding["thrust"].revolutions_hz[:end]
+    np.testing.assert_array_equal(log["thrust_speed_p_mps"].T, [ahead_mps, 0.0 * ahead_mps, 0.0 * ahead_mps])
 
 
 def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
@@ -132,7 +133,7 @@ def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
     case = load_case(path)
     prepared = prepare(case, read_streams(case))
     assert prepared.model.thrust == ThrustModel(
-        advance_m=0.1, advance_sd_m=0.1 * 0.05, slip_sd_mps=0.03, slip_time_s=8.0, noise_sd_mps=0.04
+        scale_sd=(0.05, 0.0, 0.0), slip_sd_mps=(0.03, 0.0, 0.0), slip_time_s=8.0, noise_sd_mps=0.04
     )
     assert prepared.options.thrust == "all"
 
@@ -143,7 +144,7 @@ def test_the_revolutions_fit_each_method(replayed: ReplayTables) -> None:
     assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
     sensors = replayed.manifest["sensors"]
     assert set(sensors) == {"recorded", "hidden"}
-    row = next(row for row in sensors["recorded"] if (row["method"], row["sensor"]) == ("tc", "thrust"))
+    row = next(row for row in sensors["recorded"] if (row["method"], row["sensor"]) == ("tc", "thrust_surge"))
     # Every reading from the start to the last inertial one; chi-squared of 209 single rows, to 4 sigma.
     assert row["measured"] == len(revolutions_of(drawn_dive(7, seconds=210.0))[0])
     assert row["degrees"] == 1.0

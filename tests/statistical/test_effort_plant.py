@@ -14,10 +14,12 @@ import pytest
 from numpy.typing import NDArray
 
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.config.through_water import EffortErrors
 from bottomlock.kernel import Method, replay_log, simulate_sensors
-from bottomlock.kernel.models import EffortModel
 from bottomlock.plant import Flight
 from bottomlock.plant.hovering_vehicle import HoveringVehicle
+from bottomlock.recordings.drives import SpeedByForces
+from bottomlock.recordings.readings import EffortReading
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.chi_squared import mean_band
@@ -43,14 +45,14 @@ def world() -> tuple[Simulation, Flight]:
     return simulation, simulation.flight()
 
 
-def hull(vehicle: HoveringVehicle, gravity_mps2: float, drag: float) -> EffortModel:
+def hull(vehicle: HoveringVehicle, gravity_mps2: float, drag: float) -> EffortErrors:
     """Mass and drag of the vehicle's file, the drag so many times."""
     damping, added, body = np.array(vehicle.damping.axes())[:3], vehicle.added_mass, vehicle.rigid_body
     heavy = body.mass - vehicle.water.density * body.displaced_volume
-    return EffortModel(
+    return EffortErrors(
         mass_kg=tuple(body.mass - np.array([added.x_udot, added.y_vdot, added.z_wdot])),
-        linear_drag_kgps=tuple(drag * damping[:, 0]),
-        quadratic_drag_kgpm=tuple(drag * damping[:, 1]),
+        linear_drag_kg_per_s=tuple(drag * damping[:, 0]),
+        quadratic_drag_kg_per_m=tuple(drag * damping[:, 1]),
         buoyancy_n=-heavy * gravity_mps2,
     )
 
@@ -68,8 +70,9 @@ def run(drag: float | None) -> dict[str, Floats]:
     times = np.arange(500_000_000, history.time_ns[-1], 500_000_000)
     rows = np.searchsorted(history.time_ns, times)
     if drag is not None:
-        model = model.replace(effort=hull(vehicle, simulation.gravity_mps2, drag))
-        options = options.replace(thrust="velocity")
+        section = hull(vehicle, simulation.gravity_mps2, drag)
+        (errors,) = section.kernel_models().values()
+        model, options = model.replace(thrust=errors), options.replace(thrust="velocity")
     end = len(truth.time_ns) - 2
     found: dict[str, list[Floats]] = {"error_m": [], "position": [], "velocity": []}
     for number in range(RUNS):
@@ -82,8 +85,11 @@ def run(drag: float | None) -> dict[str, Floats]:
         )  # fmt: skip
         log = drawn_log(drawn, "heading")
         if drag is not None:
-            log["effort_time_ns"] = times
-            log["effort_force_p_n"] = force_p_n[rows] + draw.normal(size=(len(times), 3))
+            of, noisy = SpeedByForces(section), force_p_n[rows] + draw.normal(size=(len(times), 3))
+            omega = log["omega_p_radps"][np.searchsorted(log["imu_time_ns"], times, side="right") - 1]
+            readings = [EffortReading(*row) for row in zip(times.tolist(), noisy.tolist(), strict=True)]
+            speeds = [of(*one).speed_p_mps for one in zip(readings, omega, strict=True)]
+            log |= {"thrust_time_ns": times, "thrust_speed_p_mps": np.array(speeds)}
         out = replay_log(
             simulation.geometry,
             model,

@@ -144,27 +144,15 @@ typedef struct {
     uint64_t alarms;
 } bl_water;
 
-// What is known of the propeller, with options of "thrust".
+// What the vehicle's drives make of the speed through the water, with options of "thrust"; along surge, sway and heave each.
 typedef struct {
-    // Advance per revolution, m.
-    double advance_m;
-    // Slip: speed that the revolutions do not say, m/s.
-    double slip_mps;
-    // Covariance of both.
-    double covariance[2][2];
-} bl_thrust;
-
-// What drag and mass are wrong by, with options of "thrust" and a model with "effort"; along surge, sway and heave each.
-typedef struct {
-    // Speed over that by the drag law; 0 for an axis without drag.
-    double speed_scale[3];
-    // Slip: speed that the forces do not say, m/s.
+    // Speed over that which the drives say; 0 for an axis that is not used.
+    double scale[3];
+    // Slip: speed that the drives do not say, m/s.
     double slip_mps[3];
-    // Relative error of mass and added mass.
-    double inertia_error[3];
-    // Covariance of all, in this order.
-    double covariance[9][9];
-} bl_effort;
+    // Covariance of both, in this order.
+    double covariance[6][6];
+} bl_thrust;
 
 // The current at one depth, with options of "current_layers.sd_mps" and "water_track".
 typedef struct {
@@ -293,11 +281,8 @@ const char *bl_version(void);
 // The motion through the water after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
 bl_status bl_navigator_water(const bl_navigator *navigator, bl_water *water);
 
-// Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
-bl_status bl_navigator_thrust(const bl_navigator *navigator, bl_thrust *propeller);
-
-// What drag and mass are wrong by after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
-bl_status bl_navigator_effort(const bl_navigator *navigator, bl_effort *hull);
+// Scale and slip of the speed by the vehicle's drives after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
+bl_status bl_navigator_thrust(const bl_navigator *navigator, bl_thrust *drives);
 
 // The current by depth; `count` is the number of layers, 0 where none is estimated.
 bl_status bl_navigator_layers(const bl_navigator *navigator, bl_layer *layers, size_t capacity, size_t *count);
@@ -486,19 +471,12 @@ bl_status bl_push_velocity(bl_navigator *navigator,
 // A depth below the origin of the tangent frame, with its standard deviation, m.
 bl_status bl_push_depth(bl_navigator *navigator, int64_t time_ns, double depth_m, double sd_m);
 
-// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
-// m/s, 1 sigma. For options of "thrust".
+// Speed through the water along surge, sway and heave, 3 numbers, m/s, that the vehicle's drives say, 0 along an axis that is not
+// driven, with the white noise of each, 1 sigma. For options of "thrust".
 bl_status bl_push_thrust(bl_navigator *navigator,
                          int64_t time_ns,
-                         double revolutions_hz,
+                         const double *speed_p_mps,
                          double sd_mps);
-
-// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
-// a model with "effort".
-bl_status bl_push_effort(bl_navigator *navigator,
-                         int64_t time_ns,
-                         const double *force_p_n,
-                         double sd_n);
 
 // An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.
 bl_status bl_push_attitude(bl_navigator *navigator,

@@ -173,11 +173,8 @@ public:
     auto push_heading(Time time_ns, double yaw_rad, double sd_rad) {
         return pushed(bl_push_heading(get(), time_ns, yaw_rad, sd_rad));
     }
-    auto push_thrust(Time time_ns, double revolutions_hz, double sd_mps) {
-        return pushed(bl_push_thrust(get(), time_ns, revolutions_hz, sd_mps));
-    }
-    auto push_effort(Time time_ns, Numbers force_p_n, double sd_n) {
-        return pushed(bl_push_effort(get(), time_ns, force_p_n.of(3, "force_p_n"), sd_n));
+    auto push_thrust(Time time_ns, Numbers speed_p_mps, double sd_mps) {
+        return pushed(bl_push_thrust(get(), time_ns, speed_p_mps.of(3, "speed_p_mps"), sd_mps));
     }
     auto push_attitude(Time time_ns, Numbers attitude_t_p, double roll_pitch_sd_rad, double yaw_sd_rad) {
         return pushed(bl_push_attitude(get(), time_ns, attitude_t_p.of(4, "attitude_t_p"), roll_pitch_sd_rad, yaw_sd_rad));
@@ -216,7 +213,6 @@ public:
 
     /// Nothing where it is not estimated.
     std::optional<bl_water> water() const { return estimate<bl_water>(bl_navigator_water); }
-    std::optional<bl_effort> effort() const { return estimate<bl_effort>(bl_navigator_effort); }
     std::optional<bl_thrust> thrust() const { return estimate<bl_thrust>(bl_navigator_thrust); }
     std::optional<bl_calibration> calibration() const { return estimate<bl_calibration>(bl_navigator_calibration); }
     /// The current by depth; empty where it is not estimated.

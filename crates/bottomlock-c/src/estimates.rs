@@ -1,9 +1,7 @@
 //! What a navigator estimates beside its state: motion through the water, current by depth, slow errors, mounting and clock.
 
 use bottomlock::navigator::Navigator as Filters;
-use bottomlock::navigator::estimates::{
-    CalibrationEstimate, EffortEstimate, LayerEstimate, ThrustEstimate, WaterEstimate,
-};
+use bottomlock::navigator::estimates::{CalibrationEstimate, LayerEstimate, ThrustEstimate, WaterEstimate};
 
 use crate::calls::{Failure, Outcome, Status, call};
 use crate::navigator::Navigator;
@@ -34,26 +32,13 @@ pub unsafe extern "C" fn bl_navigator_water(navigator: *const Navigator, water: 
     })
 }
 
-/// Advance and slip of the propeller after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
+/// Scale and slip of the speed by the vehicle's drives after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_thrust(navigator: *const Navigator, propeller: *mut ThrustEstimate) -> Status {
-    const MISSING: [&str; 2] = ["the advance of the propeller", "set the option 'thrust'"];
+pub unsafe extern "C" fn bl_navigator_thrust(navigator: *const Navigator, drives: *mut ThrustEstimate) -> Status {
+    const MISSING: [&str; 2] = ["the scale of the speed by the drives", "set the option 'thrust'"];
     call!(status, {
         let estimate = estimate(navigator, MISSING, Filters::thrust_estimate)?;
-        put("propeller", propeller, estimate)
-    })
-}
-
-/// What drag and mass are wrong by after the last update; `BL_STATUS_NOT_AVAILABLE` where it is not estimated.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_navigator_effort(navigator: *const Navigator, hull: *mut EffortEstimate) -> Status {
-    const MISSING: [&str; 2] = [
-        "the error of the drag",
-        "set the option 'thrust' and a drag of the model",
-    ];
-    call!(status, {
-        let estimate = estimate(navigator, MISSING, Filters::effort_estimate)?;
-        put("hull", hull, estimate)
+        put("drives", drives, estimate)
     })
 }
 

@@ -1,7 +1,6 @@
 //! What is pushed into a navigator. A push that is refused changes nothing but the count of late readings.
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
-use bottomlock::aiding::effort::EffortSample;
 use bottomlock::aiding::thrust::ThrustSample;
 use bottomlock::frames::Rot;
 use bottomlock::mechanisation::ImuSample;
@@ -139,28 +138,16 @@ pub unsafe extern "C" fn bl_push_depth(navigator: *mut Navigator, time_ns: i64, 
     push_one! { navigator, DepthSample { time_ns, depth_m, sd_m } }
 }
 
-/// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward, with the white noise of the speed that they say,
-/// m/s, 1 sigma. For options of "thrust".
+/// Speed through the water along surge, sway and heave, 3 numbers, m/s, that the vehicle's drives say, 0 along an axis that is not
+/// driven, with the white noise of each, 1 sigma. For options of "thrust".
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn bl_push_thrust(
     navigator: *mut Navigator,
     time_ns: i64,
-    revolutions_hz: f64,
+    speed_p_mps: *const f64,
     sd_mps: f64,
 ) -> Status {
-    push_one! { navigator, ThrustSample { time_ns, revolutions_hz, sd_mps } }
-}
-
-/// Force of the thrusters along surge, sway and heave, 3 numbers, N, with the white noise of each, 1 sigma. For options of "thrust" and
-/// a model with "effort".
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn bl_push_effort(
-    navigator: *mut Navigator,
-    time_ns: i64,
-    force_p_n: *const f64,
-    sd_n: f64,
-) -> Status {
-    push_one! { navigator, EffortSample { time_ns, force_p_n: vector("force_p_n", force_p_n)?, sd_n } }
+    push_one! { navigator, ThrustSample { time_ns, speed_p_mps: vector("speed_p_mps", speed_p_mps)?, sd_mps } }
 }
 
 /// An attitude, 4 numbers, scalar first, with the standard deviations of its Euler angles, rad.

@@ -205,8 +205,7 @@ static void push_calls(void) {
         status = CALL(bl_push_velocity, to, time, some(3, 0.5, 0.5), one_in(60) ? NULL : covariance);
         break;
     }
-    case 12: status = CALL(bl_push_thrust, to, time, about(10.0, 10.0), about(0.1, 0.05)); break;
-    case 13: status = CALL(bl_push_effort, to, time, some(3, 20.0, 30.0), about(1.0, 0.5)); break;
+    case 12: status = CALL(bl_push_thrust, to, time, some(3, 1.0, 1.0), about(0.1, 0.05)); break;
     case 5: status = CALL(bl_push_depth, to, time, about(3.0, 3.0), about(0.1, 0.05)); break;
     case 6: status = CALL(bl_push_attitude, to, time, quaternion(), about(0.02, 0.01), about(0.05, 0.02)); break;
     case 7: status = CALL(bl_push_heading, to, time, about(0.0, 1.0), about(0.1, 0.05)); break;

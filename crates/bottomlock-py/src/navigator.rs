@@ -7,8 +7,8 @@ use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::mechanisation::{IMU_FAULTS, ImuSample};
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES,
-    ThrustSample, VelocitySample, WaterSample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, STREAM_NAMES, ThrustSample,
+    VelocitySample, WaterSample,
 };
 use bottomlock::navigator::{LiveNavigator, Navigator as Filters, RECOMMENDED_METHOD, Snapshot};
 use nalgebra::Matrix3;
@@ -223,19 +223,12 @@ impl Navigator {
         self.push(py, [event! { HeadingSample { time_ns, yaw_rad, sd_rad } }])
     }
 
-    /// Revolutions of the propeller, 1/s, positive where they drive the vehicle forward; `sd_mps` is the white noise of the speed
-    /// that they say. For options with `thrust`.
-    #[pyo3(signature = (time_ns, revolutions_hz, *, sd_mps))]
-    fn push_thrust(&self, py: Python<'_>, time_ns: i64, revolutions_hz: f64, sd_mps: f64) -> Reports {
-        self.push(py, [event! { ThrustSample { time_ns, revolutions_hz, sd_mps } }])
-    }
-
-    /// Force of the thrusters along surge, sway and heave, (3,), N, with the white noise of each, 1 sigma. For options with `thrust`
-    /// and a model with `effort`.
-    #[pyo3(signature = (time_ns, force_p_n, *, sd_n))]
-    fn push_effort(&self, py: Python<'_>, time_ns: i64, force_p_n: Argument, sd_n: f64) -> Reports {
-        let force_p_n = vec3("force_p_n", force_p_n)?;
-        self.push(py, [event! { EffortSample { time_ns, force_p_n, sd_n } }])
+    /// Speed through the water along surge, sway and heave, (3,), m/s, that the vehicle's drives say, 0 along an axis that is not driven,
+    /// with the white noise of each, 1 sigma. For options with `thrust`.
+    #[pyo3(signature = (time_ns, speed_p_mps, *, sd_mps))]
+    fn push_thrust(&self, py: Python<'_>, time_ns: i64, speed_p_mps: Argument, sd_mps: f64) -> Reports {
+        let speed_p_mps = vec3("speed_p_mps", speed_p_mps)?;
+        self.push(py, [event! { ThrustSample { time_ns, speed_p_mps, sd_mps } }])
     }
 
     /// A GPS position and velocity in the tangent frame, each (3,), with standard deviations (3,).
@@ -372,23 +365,13 @@ impl Navigator {
         })
     }
 
-    /// Estimate of what the propeller makes of its revolutions after the last update; None where `options.thrust` is off.
+    /// Estimate of what the drives make of the speed through the water after the last update; None where `options.thrust` is off.
     ///
-    /// advance_m per revolution; slip_mps, what the vehicle is faster through the water; and the (2, 2) covariance of both.
+    /// Along surge, sway and heave each: scale, the speed over that which they say; slip_mps, what the vehicle is faster; and the
+    /// (6, 6) covariance of both, in this order. Zero for an axis that is not used.
     fn thrust<'py>(&self, py: Python<'py>) -> Estimate<'py> {
         self.estimate(py, Filters::thrust_estimate, |out, estimate| {
-            fields! { out, estimate => advance_m, slip_mps, covariance }
-            Ok(())
-        })
-    }
-
-    /// Estimate of what drag and mass are wrong by after the last update; None where no forces are used.
-    ///
-    /// Along surge, sway and heave each: speed_scale, the speed over that by the drag law; slip_mps, what the vehicle is faster
-    /// through the water; inertia_error, relative; and the (9, 9) covariance of all, in this order. Zero for an axis without drag.
-    fn effort<'py>(&self, py: Python<'py>) -> Estimate<'py> {
-        self.estimate(py, Filters::effort_estimate, |out, estimate| {
-            fields! { out, estimate => speed_scale, slip_mps, inertia_error, covariance }
+            fields! { out, estimate => scale, slip_mps, covariance }
             Ok(())
         })
     }

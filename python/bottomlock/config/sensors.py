@@ -14,7 +14,7 @@ from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference, SlowAttitudeErrors
 from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.section import Fraction, Outliers, Section, SensorErrors, Vector, in_si, shown
-from bottomlock.config.through_water import EffortErrors, ThrustErrors
+from bottomlock.config.through_water import DriveErrors, EffortErrors, ThrustErrors
 from bottomlock.kernel import models
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 
@@ -200,22 +200,23 @@ class AcousticPosition(Outliers, Transponder, Simulated):
     noise_percent_of_range: NonNegative = 1.0
 
 
-class Thrust(ThrustErrors, Simulated):
-    """Revolutions of the propeller: the speed through the water along the vehicle's axis by its advance, and slip.
+class Thrust(DriveErrors, Simulated):
+    """The speed through the water along the vehicle's axis that its propeller says, with scale and slip.
 
-    With the section every method has the current as states. A run draws its own advance about `error_percent` more. The
+    With the section every method has the current as states. A run draws its own scale about `error_percent` more. The
     water moves as for `[water_track]`.
     """
 
-    columns: ClassVar = {"thrust_revolutions_hz": ("revolutions_hz",)}
-    advance_m: Positive = 0.1
+    updates = ("thrust_surge",)
+    columns: ClassVar = {
+        "thrust_speed_p_mps": tuple(f"speed_{axis}_mps" for axis in ("surge", "sway", "heave"))
+    }
     error_percent: Annotated[float, Field(gt=-100, allow_inf_nan=False)] = 0.0
-    """by how much vehicles advance more on average; the filter does not model it"""
+    """by how much vehicles are faster on average; the filter does not model it"""
 
     def si(self) -> dict[str, Any]:
         """What is no key of the same name."""
-        true_advance_m = self.advance_m * (1.0 + units.fraction_from_percent(self.error_percent))
-        return super().si() | {"true_advance_m": true_advance_m}
+        return super().si() | {"true_scale_error": units.fraction_from_percent(self.error_percent)}
 
     def kernel_options(self) -> dict[str, Any]:
         """What it adds to the filter's options."""

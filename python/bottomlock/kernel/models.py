@@ -307,50 +307,21 @@ class WaterTrackModel(Settings, place="water_track"):
 
 
 class ThrustModel(Settings, place="thrust"):
-    """Speed through the water by the propeller's revolutions, 1 sigma."""
+    """Speed through the water that the vehicle's drives say, along surge, sway and heave, (3,), 1 sigma.
 
-    advance_m: float
-    """advance per revolution that the filter expects"""
-    advance_sd_m: float
-    """its uncertainty"""
-    true_advance_m: float = 0.0
-    """its mean among simulated vehicles, 0 for the same"""
-    slip_sd_mps: float = 0.02
+    An axis without slip is not used.
+    """
+
+    scale_sd: Vector
+    """relative uncertainty of the speed"""
+    true_scale_error: float = 0.0
+    """how many times the speed simulated vehicles make of it on average, less 1; the filter does not model it"""
+    slip_sd_mps: Vector
     """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
     slip_time_s: float = 5.0
     """correlation time of the slip"""
     noise_sd_mps: float = 0.01
-    """white noise of a reading, as a speed"""
-
-
-class EffortModel(Settings, place="effort"):
-    """Speed through the water by the forces of thrusters, 1 sigma; surge, sway and heave each.
-
-    An axis without drag is not used.
-    """
-
-    mass_kg: Vector
-    """mass and added mass along surge, sway and heave"""
-    linear_drag_kgps: Vector
-    """drag over speed"""
-    quadratic_drag_kgpm: Vector
-    """drag over speed squared"""
-    buoyancy_n: float = 0.0
-    """buoyancy less weight; negative for a vehicle that sinks"""
-    speed_scale_sd: float = 0.1
-    """relative uncertainty of the speed at a force, half of that of a quadratic drag"""
-    speed_scale_time_s: float = 86_400.0
-    """its correlation time"""
-    inertia_sd: float = 0.2
-    """of mass and added mass, 1 sigma"""
-    inertia_time_s: float = 86_400.0
-    """its correlation time"""
-    slip_sd_mps: float = 0.02
-    """slip, 1 sigma: what waves, turns, a tether and changes of speed make of the speed at a reading"""
-    slip_time_s: float = 5.0
-    """correlation time of the slip"""
-    noise_sd_n: float = 1.0
-    """white noise of a force"""
+    """white noise of a speed"""
 
 
 class Model(Settings, place="model"):
@@ -371,7 +342,6 @@ class Model(Settings, place="model"):
     acoustic_position: AcousticPositionModel | None = None
     water_track: WaterTrackModel | None = None
     thrust: ThrustModel | None = None
-    effort: EffortModel | None = None
 
     def of(self, kind: type[_Errors]) -> _Errors:
         """The errors of a sensor that has to be there.
@@ -513,7 +483,7 @@ class Levers(Settings, place="options.levers"):
     depth_p_m: Vector = (0.0, 0.0, 0.0)
     gps_p_m: Vector = (0.0, 0.0, 0.0)
     acoustic_position_p_m: Vector = (0.0, 0.0, 0.0)
-    effort_p_m: Vector = (0.0, 0.0, 0.0)
+    thrust_p_m: Vector = (0.0, 0.0, 0.0)
 
 
 class FilterKeys(BaseModel):
@@ -545,7 +515,7 @@ class Options(FilterKeys, Settings, place="options"):
     water_track: bool = False
     """whether beams that the water returns are used"""
     thrust: Literal["off", "velocity", "all"] = "off"
-    """what the propeller's revolutions and the thrusters' forces correct"""
+    """what speeds by the vehicle's drives correct"""
     current_layers: CurrentLayers = CurrentLayers()
     calibration: Calibration = Calibration()
     speed_bound: SpeedBound = SpeedBound()

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from bottomlock.recordings.readings import (
     DepthReading,
     ImuReading,
     Ping,
+    SpeedReading,
     WaterReading,
 )
 from bottomlock.recordings.rotation import (
@@ -34,7 +36,7 @@ from bottomlock.recordings.rotation import (
     product,
     quaternion,
 )
-from bottomlock.recordings.sensors import SENSOR_OF
+from bottomlock.recordings.sensors import ATTITUDE, SENSOR_OF, SENSORS, WATER_TRACK, Sensor
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.recordings.water_cells import CellCounts, water_beams
 
@@ -323,6 +325,7 @@ class AlignedNavigator:
         self._new_motion = _motion_of_attitudes(config, longest_attitude_s)
         self._motion = None if self._new_motion is None else self._new_motion()
         self._alignment = self._new_alignment()
+        self._made: dict[type, Callable[[Any, Floats], SpeedReading]] = {}
         self._last_ns: int | None = None
         self.navigator: Navigator | None = None
         self.time_ns: int | None = None
@@ -415,11 +418,10 @@ class AlignedNavigator:
             self._alignment.attitude(time_ns, attitude_t_p)
             return ()
         w, x, y, z = attitude_t_p.tolist()
-        return self._push(self.navigator, AttitudeReading(time_ns, (w, x, y, z)))
+        return self._push(self.navigator, ATTITUDE, AttitudeReading(time_ns, (w, x, y, z)))
 
-    def _push(self, navigator: Navigator, reading: AttitudeReading | AidingReading) -> Sequence[Report]:
+    def _push(self, navigator: Navigator, sensor: Sensor, reading: Any) -> Sequence[Report]:  # noqa: ANN401
         """The reports of a measurement; none where the configuration has no section for it."""
-        sensor = SENSOR_OF[type(reading)]
         section = getattr(self._config, sensor.name)
         return () if section is None else sensor.push(navigator, reading, section, self._config.home)
 
@@ -469,6 +471,11 @@ class AlignedNavigator:
         )
 
     def _begin(self, navigator: Navigator) -> None:
+        self._made = {
+            sensor.reading: sensor.made(section)
+            for sensor in SENSORS
+            if sensor.made is not None and (section := getattr(self._config, sensor.name)) is not None
+        }
         self.navigator = navigator
         self.time_ns = int(navigator.state()["time_ns"])
 
@@ -528,7 +535,7 @@ class AlignedNavigator:
             reading = WaterReading(
                 at_ns, rows.velocity_mps[row], rows.valid[row], rows.sd_mps[row], float(rows.range_m[row])
             )
-            yield at_ns, reading.valid, self._push(navigator, reading)
+            yield at_ns, reading.valid, self._push(navigator, WATER_TRACK, reading)
 
     def aid(self, time_ns: int, reading: AidingReading) -> Sequence[Report]:
         """Takes a measurement beside pings and attitudes; before the alignment a depth alone, where the vehicle begins.
@@ -537,7 +544,10 @@ class AlignedNavigator:
             KernelError: for one that is older than the horizon.
         """
         if self.navigator is not None:
-            return self._push(self.navigator, replace(reading, time_ns=time_ns))
+            taken, made = replace(reading, time_ns=time_ns), self._made.get(type(reading))
+            omega = np.zeros(3) if self.omega_p_radps is None else self.omega_p_radps
+            pushed = taken if made is None else made(taken, omega)
+            return self._push(self.navigator, SENSOR_OF[type(reading)], pushed)
         if isinstance(reading, DepthReading) and self._config.depth is not None:
             self._alignment.depth(reading.depth_m)
         return ()

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import model_validator
 
 from bottomlock.config.section import InFolder, shown
-from bottomlock.config.through_water import require_one_use
+from bottomlock.config.through_water import require_one_drive
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
@@ -133,7 +133,7 @@ class LiveConfig(NavigatorConfig):
             # A pressure may come by a source that is switched on later; an attitude is that of one source.
             if sensor not in {DEPTH, ATTITUDE, WATER_TRACK} and getattr(self, sensor.name) is not None:
                 self._has_source(sensor)
-        require_one_use(self.thrust, self.effort)
+        require_one_drive(self.thrust, self.effort)
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
         reopens = self.filter.inflate_after_rejections

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from bottomlock.config.imu import ImuErrors
-from bottomlock.config.through_water import require_one_use
+from bottomlock.config.through_water import require_one_drive
 from bottomlock.config.validation import refusal
 from bottomlock.errors import KernelError, ScenarioError
 from bottomlock.io.beams import Instrument
@@ -338,7 +338,7 @@ def start(
             {key: value for key, value in content.items() if value is not None}
         )
         config.start_is_known(by_attitude=isinstance(config.imu, ImuFromAttitude))
-        require_one_use(config.thrust, config.effort)
+        require_one_drive(config.thrust, config.effort)
     except ValidationError as error:
         raise refusal(error, PLACE, NavigatorConfig) from error
     except ValueError as error:

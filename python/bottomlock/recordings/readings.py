@@ -135,6 +135,14 @@ class EffortReading:
     force_p_n: Triple
 
 
+@dataclass(frozen=True)
+class SpeedReading:
+    """Speed through the water along surge, sway and heave that the drives say, m/s; 0 along an axis not driven."""
+
+    time_ns: int
+    speed_p_mps: Triple
+
+
 @dataclass(frozen=True, eq=False)
 class WaterReading:
     """Beams that the water returned: (n,) velocities through it, m/s, NaN where lost, 1 sigma; range of the cell, m."""

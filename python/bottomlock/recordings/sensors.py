@@ -13,8 +13,9 @@ import numpy as np
 from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.sensors import AcousticPositionErrors, DepthErrors, GpsErrors, WaterCells
-from bottomlock.config.through_water import EffortErrors, ThrustErrors
+from bottomlock.config.through_water import DriveErrors, EffortErrors, ThrustErrors
 from bottomlock.kernel import Navigator, Report
+from bottomlock.recordings.drives import SpeedByForces, speed_by_revolutions
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
@@ -23,6 +24,7 @@ from bottomlock.recordings.readings import (
     EffortReading,
     GpsReading,
     ImuReading,
+    SpeedReading,
     ThrustReading,
     WaterReading,
 )
@@ -31,6 +33,8 @@ from bottomlock.recordings.rotation import angles, quaternion
 MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
 Reports = Sequence[Report]
 Arrays = dict[str, np.ndarray]
+Logged = Mapping[str, Arrays]
+"""Arrays of the kernel's log, by the name of their times."""
 Maker = Callable[[int, int], Any]
 """The reading of a time and the row of its stream."""
 
@@ -101,6 +105,8 @@ class Sensor(Instrument):
     Attributes:
         settings: class of its section in every settings file, or the base of it.
         updates: the kernel's names of its measurements in reports.
+        made: of a section, what makes of each reading and the angular rate at it (3,), rad/s, in the order of their
+            times, the `SpeedReading` that is pushed in its place.
         push: gives a reading to a navigator, with its section and the origin of the tangent frame, where it is known;
             an attitude is that of the platform.
         arrays: the kernel's log arrays, by the fields of a recorded stream (`recordings.streams`), which are those of a
@@ -112,16 +118,26 @@ class Sensor(Instrument):
     settings: type
     updates: tuple[str, ...]
     push: Callable[[Navigator, Any, Any, Place | None], Reports]
+    made: Callable[[Any], Callable[[Any, np.ndarray], SpeedReading]] | None = None
     arrays: Mapping[str, str] = field(default_factory=dict)
-    log: Callable[[Any, Any], Mapping[str, Arrays]] | None = None
+    log: Callable[[Any, Any], Logged] | None = None
     rows: Callable[[Any, Place | None], Maker] | None = None
 
-    def logged(self, stream: Any, section: Any) -> Mapping[str, Arrays]:  # noqa: ANN401 - of any sensor
-        """The kernel's log arrays of a recorded stream, by the name of their times."""
+    def logged(self, stream: Any, section: Any, rows: slice, omega_p_radps: np.ndarray) -> Logged:  # noqa: ANN401
+        """The kernel's log arrays of rows of a recorded stream, by the name of their times; with their rates (n, 3)."""
+        if self.made is not None:
+            made, reading = self.made(section), self.readings(stream, None)
+            taken = zip(
+                range(len(stream.time_ns))[rows], stream.time_ns[rows].tolist(), omega_p_radps, strict=True
+            )
+            speeds = [made(reading(at_ns, k), omega).speed_p_mps for k, at_ns, omega in taken]
+            return {"thrust": {"thrust_speed_p_mps": np.array(speeds).reshape(-1, 3)}}
         if self.log is not None:
-            return self.log(stream, section)
-        fields = {key: getattr(stream, name) for name, key in self.arrays.items()}
-        return {self.name: {key: values for key, values in fields.items() if values is not None}}
+            found = self.log(stream, section)
+        else:
+            fields = {key: getattr(stream, name) for name, key in self.arrays.items()}
+            found = {self.name: {key: values for key, values in fields.items() if values is not None}}
+        return {name: {key: values[rows] for key, values in arrays.items()} for name, arrays in found.items()}
 
     def readings(self, stream: Any, home: Place | None) -> Maker:  # noqa: ANN401 - of any sensor
         """The reading of a time and a row of a recorded stream."""
@@ -175,7 +191,7 @@ def _push_attitude(
     )
 
 
-def _attitude_log(stream: Any, section: AttitudeReference) -> Mapping[str, Arrays]:  # noqa: ANN401
+def _attitude_log(stream: Any, section: AttitudeReference) -> Logged:  # noqa: ANN401
     if section.aids == "heading":
         return {"heading": {"heading_rad": stream.rpy_rad[:, 2].copy()}}
     if section.aids == "nothing":
@@ -278,6 +294,15 @@ ACOUSTIC_POSITION = Sensor(
     ),
     arrays={"position_t_m": "acoustic_position_t_m", "sd_m": "acoustic_position_sd_m"},
 )
+
+
+def _push_speed(
+    navigator: Navigator, reading: SpeedReading, section: DriveErrors, _: Place | None
+) -> Reports:
+    return navigator.push_thrust(reading.time_ns, reading.speed_p_mps, sd_mps=section.noise_mps)
+
+
+_BY_DRIVES = ("thrust_surge", "thrust_sway", "thrust_heave")
 THRUST = Sensor(
     "thrust",
     ThrustReading,
@@ -285,11 +310,10 @@ THRUST = Sensor(
     "thrust-csv",
     ("revolutions_hz",),
     settings=ThrustErrors,
-    updates=("thrust",),
-    push=lambda navigator, reading, section, _: navigator.push_thrust(
-        reading.time_ns, reading.revolutions_hz, sd_mps=section.noise_mps
-    ),
-    arrays={"revolutions_hz": "thrust_revolutions_hz"},
+    updates=_BY_DRIVES,
+    made=speed_by_revolutions,
+    push=_push_speed,
+    rows=lambda stream, _: lambda time_ns, k: ThrustReading(time_ns, float(stream.revolutions_hz[k])),
 )
 EFFORT = Sensor(
     "effort",
@@ -298,11 +322,10 @@ EFFORT = Sensor(
     "effort-csv",
     ("surge_n", "sway_n", "heave_n"),
     settings=EffortErrors,
-    updates=("effort_surge", "effort_sway", "effort_heave"),
-    push=lambda navigator, reading, section, _: navigator.push_effort(
-        reading.time_ns, reading.force_p_n, sd_n=section.noise_n
-    ),
-    arrays={"force_p_n": "effort_force_p_n"},
+    updates=_BY_DRIVES,
+    made=SpeedByForces,
+    push=_push_speed,
+    rows=lambda stream, _: lambda time_ns, k: EffortReading(time_ns, tuple(stream.force_p_n[k].tolist())),
 )
 WATER_TRACK = Sensor(
     "water_track",

@@ -14,7 +14,7 @@ from bottomlock.config.dvl import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.scenario_sections import Filter, Outage, Robust
 from bottomlock.config.section import Earth, Section, Vector, shown
-from bottomlock.config.through_water import require_one_use
+from bottomlock.config.through_water import require_one_drive
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
@@ -228,7 +228,7 @@ class Case(SensorStreams):
                 raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
         if isinstance(self.imu, ImuFromAttitude):
             self._needs_no_readings()
-        require_one_use(self.thrust, self.effort)
+        require_one_drive(self.thrust, self.effort)
         if self.water_track is not None:
             self._water_has_times(self.water_track)
         if self.reference is not None:

@@ -202,9 +202,12 @@ def kernel_log(case: Case, prepared: PreparedRun, valid: Flags) -> Any:  # noqa:
         if section is None or stream is None:
             continue
         rows = within(stream.time_ns)
-        for name, arrays in sensor.logged(stream, section).items():
-            log[f"{name}_time_ns"] = stream.time_ns[rows]
-            log |= {key: values[rows] for key, values in arrays.items()}
+        times = stream.time_ns[rows]
+        # The rate of the last inertial reading before it, and none before the first.
+        last = np.searchsorted(log["imu_time_ns"], times, side="right")
+        omega = np.vstack([np.zeros(3), log["omega_p_radps"]])[last]
+        for name, columns in sensor.logged(stream, section, rows, omega).items():
+            log |= {f"{name}_time_ns": times, **columns}
     return log
 
 

@@ -102,8 +102,9 @@ class Streams:
 
     @property
     def through_water(self) -> tuple[str, ...]:
-        """The sections that measure the motion through the water, of which every filter has the current as states."""
-        return tuple(section for section in ("water_track", "thrust", "effort") if section in self.aiding)
+        """The kernel's sensors of the motion through the water, with which every filter has the current as states."""
+        sensors = {"water_track": "water_track", "thrust": "thrust", "effort": "thrust"}
+        return tuple(sensor for section, sensor in sensors.items() if section in self.aiding)
 
     @property
     def depths(self) -> Depths | None:

@@ -11,7 +11,6 @@ use nalgebra::{SMatrix, SVector};
 use crate::aiding::MAX_ROWS;
 use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::current_layers::LAYER_STATES;
-use crate::aiding::effort::EFFORT;
 use crate::aiding::thrust::THRUST;
 use crate::aiding::water::WATER;
 
@@ -51,20 +50,18 @@ pub const FIRST_GYRO_MATRIX: usize = FIRST_HEADING_DEVIATION + DEVIATION;
 /// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
 /// ([`crate::aiding::motion_prior`]).
 pub const FIRST_MOTION: usize = FIRST_GYRO_MATRIX + GYRO_MATRIX;
-/// First index of the thrust: advance per revolution, m, then slip, m/s ([`crate::aiding::thrust`]).
+/// First index of what the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
 pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
-/// First index of what the forces of thrusters make of the speed ([`crate::aiding::effort`]).
-pub const FIRST_EFFORT: usize = FIRST_THRUST + THRUST;
 /// First index of the motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or
 /// end them while it runs, and the states of a smoother's tape then keep their places.
-pub const FIRST_WATER: usize = FIRST_EFFORT + EFFORT;
+pub const FIRST_WATER: usize = FIRST_THRUST + THRUST;
 /// First index of the current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
 pub const FIRST_LAYERS: usize = FIRST_WATER + WATER;
 /// Number of further states.
 pub const FURTHER: usize = FIRST_LAYERS + LAYER_STATES;
 
 /// Name and range of each block, in order.
-pub const FURTHER_BLOCKS: [(&str, Range<usize>); 13] = [
+pub const FURTHER_BLOCKS: [(&str, Range<usize>); 12] = [
     ("depth_bias_m", DEPTH_BIAS..FIRST_DEPTH_WAVE),
     ("depth_wave_m", FIRST_DEPTH_WAVE..FIRST_CALIBRATION),
     ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
@@ -74,8 +71,7 @@ pub const FURTHER_BLOCKS: [(&str, Range<usize>); 13] = [
     ("heading_deviation_rad", FIRST_HEADING_DEVIATION..FIRST_GYRO_MATRIX),
     ("gyro_matrix", FIRST_GYRO_MATRIX..FIRST_MOTION),
     ("motion_p_mps", FIRST_MOTION..FIRST_THRUST),
-    ("thrust", FIRST_THRUST..FIRST_EFFORT),
-    ("effort", FIRST_EFFORT..FIRST_WATER),
+    ("thrust", FIRST_THRUST..FIRST_WATER),
     ("water", FIRST_WATER..FIRST_LAYERS),
     ("current_layers_mps", FIRST_LAYERS..FURTHER),
 ];
@@ -97,6 +93,6 @@ mod tests {
             assert_eq!(range.start, next);
             next = range.end;
         }
-        assert_eq!((next, FURTHER_BLOCKS[11].1.start), (FURTHER, FIRST_WATER));
+        assert_eq!((next, FURTHER_BLOCKS[10].1.start), (FURTHER, FIRST_WATER));
     }
 }

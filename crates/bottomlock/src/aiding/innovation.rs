@@ -55,9 +55,9 @@ pub enum Corrects {
     All,
     /// A depth its own axis of the position alone, and no further state.
     Depth,
-    /// The velocity alone, and of the further states those of motion, thrust, effort and water.
+    /// The velocity alone, and of the further states those of motion, thrust and water.
     Velocity,
-    /// No state of the error state, and of the further states those of thrust, effort and water.
+    /// No state of the error state, and of the further states those of thrust and water.
     ThroughWater,
 }
 

@@ -12,7 +12,6 @@ pub mod current_layers;
 pub(crate) mod declare;
 pub mod depth;
 pub(crate) mod deviation;
-pub mod effort;
 pub mod further;
 pub mod gps;
 pub mod heading;

@@ -11,7 +11,7 @@ use super::further::{FIRST_ATTITUDE_DEVIATION, FIRST_HEADING_DEVIATION};
 use super::gps::{GpsModel, GpsSample, GpsVelocity};
 use super::heading::{HeadingModel, HeadingSample, heading};
 use super::registry::{Sensor, SensorModels};
-use super::sensor::{AidingSensor, Fraction, Scene, SlowSd, TimeConstant, TrueMotion};
+use super::sensor::{AidingSensor, Fraction, Scene, Signed, SlowSd, TimeConstant, TrueMotion};
 use super::thrust::{ThrustModel, ThrustSample};
 use super::velocity::VelocitySample;
 use crate::earth::LocalLevel;
@@ -60,10 +60,9 @@ fn models() -> SensorModels {
             ..AcousticPositionModel::default()
         },
         thrust: ThrustModel {
-            advance_m: 0.1,
-            true_advance_m: 0.12,
-            advance_sd_m: 0.01,
-            slip_sd_mps: 0.2,
+            scale_sd: [0.1, 0.0, 0.0],
+            true_scale_error: Signed(0.2),
+            slip_sd_mps: [0.2, 0.0, 0.0],
             slip_time_s: TimeConstant(5.0),
             noise_sd_mps: 0.3,
         },
@@ -310,22 +309,22 @@ fn acoustic_fixes() {
     assert!((read.position_t_m.0 - transponder_t_m).norm() < 1e-12 && read.sd_m == [0.3; 3]);
 }
 
-/// The speed along the platform's forward axis less the current, slip and noise, over the advance of the simulated vehicle, which is
-/// not what the filter assumes; what is read off the truth has the assumed one.
+/// The speed along the platform's forward axis less the current, slip and noise, over the scale of the simulated vehicle, which is
+/// not what the filter assumes; what is read off the truth has no scale, on every axis that the model uses.
 #[test]
-fn revolutions() {
+fn speeds_by_the_drives() {
     let (reading, mut draws) = simulated::<ThrustSample>(0.4);
     let speed_mps = 2.0 - 0.4 - 0.2 * draws[1].one() - 0.3 * draws[0].one();
-    let advance_m = 0.12 + 0.01 * draws[2].one();
-    assert!((reading.revolutions_hz - speed_mps / advance_m).abs() < 1e-12);
+    let scale = 1.2 + 0.1 * draws[2].one();
+    assert!((reading.speed_p_mps.0.x - speed_mps / scale).abs() < 1e-12);
     assert_eq!(
         (reading.sd_mps, reading.numbers()),
-        (0.03, vec![reading.revolutions_hz])
+        (0.03, vec![reading.speed_p_mps.0.x, 0.0, 0.0])
     );
-    let read: ThrustSample = of_row(&[Some(&[14.5])]);
-    assert_eq!((read.revolutions_hz, read.sd_mps), (14.5, 0.03));
+    let read: ThrustSample = of_row(&[Some(&[1.45, 0.1, 0.2])]);
+    assert_eq!((read.speed_p_mps, read.sd_mps), (Vec3::new(1.45, 0.1, 0.2), 0.03));
     let read: ThrustSample = of_truth();
-    assert!((read.revolutions_hz - 20.0).abs() < 1e-12 && read.sd_mps == 0.03);
+    assert_eq!((read.speed_p_mps.to_array(), read.sd_mps), ([2.0, 0.0, 0.0], 0.03));
 }
 
 /// A velocity of an instrument without beams is neither simulated nor in a log; its noise is that of a beam.

@@ -4,7 +4,6 @@ use crate::aiding::acoustic_position::AcousticPositionSample;
 use crate::aiding::attitude::AttitudeSample;
 use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::DepthSample;
-use crate::aiding::effort::EffortSample;
 use crate::aiding::gps::GpsSample;
 use crate::aiding::heading::HeadingSample;
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
@@ -27,8 +26,7 @@ sensors! {
     Heading(HeadingSample): Heading = "heading";
     Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
     AcousticPosition(AcousticPositionSample): AcousticPosition = "acoustic_position";
-    Thrust(ThrustSample): Thrust = "thrust";
-    Effort(EffortSample): EffortSurge = "effort_surge", EffortSway = "effort_sway", EffortHeave = "effort_heave";
+    Thrust(ThrustSample): ThrustSurge = "thrust_surge", ThrustSway = "thrust_sway", ThrustHeave = "thrust_heave";
 }
 
 /// Gives a macro the models of the sensors, each with the name of its section.
@@ -44,7 +42,6 @@ macro_rules! sensor_models {
             acoustic_position: crate::aiding::acoustic_position::AcousticPositionModel,
             water_track: crate::aiding::water_track::WaterTrackModel,
             thrust: crate::aiding::thrust::ThrustModel,
-            effort: crate::aiding::effort::EffortModel,
         }
     };
 }

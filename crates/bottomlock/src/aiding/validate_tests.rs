@@ -50,14 +50,14 @@ fn scalars() {
     );
     let thrust = ThrustSample {
         time_ns: 7,
-        revolutions_hz: -20.0,
+        speed_p_mps: Vec3::new(-2.0, 0.0, 0.1),
         sd_mps: 0.01,
     };
     check(
         &thrust,
         &[
-            ("revolutions_hz", &|r| r.revolutions_hz = f64::NAN),
-            ("are they per minute", &|r| r.revolutions_hz = -1500.0),
+            ("thrust speed_p_mps", &|r| r.speed_p_mps.0.y = f64::NAN),
+            ("number of revolutions", &|r| r.speed_p_mps.0.x = -1500.0),
             ("thrust sd_mps", &|r| r.sd_mps = 0.0),
         ],
     );

@@ -3,7 +3,6 @@
 use nalgebra::{DMatrix, SMatrix, Vector3};
 
 use super::calibration::CalibrationBlock;
-use super::effort::EffortBlock;
 use super::further_states::{FurtherStates, NONE, Update};
 use super::gauss_markov::GaussMarkovStates;
 use super::gyro_matrix::{GyroMatrix, MATRIX, Turned};
@@ -16,7 +15,6 @@ use crate::aiding::current_layers::LAYER_STATES;
 use crate::aiding::further::{
     FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_LAYERS, FIRST_WATER, FURTHER, FurtherVector,
 };
-use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::{HEAVE, SWAY, WATER};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
@@ -41,8 +39,6 @@ pub(super) struct Extensions {
     /// What both add to the covariance of the error state over the interval that is being propagated.
     #[serde(skip)]
     pub(super) added: Option<Box<Covariance>>,
-    /// Mass and drag of the vehicle, where the forces of thrusters are used.
-    pub(super) effort: Option<Box<EffortBlock>>,
     /// States of the motion through the water.
     pub(super) water: Option<Box<WaterBlock>>,
     /// Tape for a smoother; a saved filter has none.
@@ -55,7 +51,6 @@ impl Extensions {
     pub(super) fn new(model: &Model, options: &Options, kinematics: &Kinematics<f64>) -> Self {
         let models = &model.sensors;
         let calibration = CalibrationBlock::new(&options.calibration, kinematics);
-        let uses_effort = options.thrust != ThrustUse::Off && models.effort.is_given();
         let mut extensions = Self {
             further: None,
             processes: Box::new(GaussMarkovStates::new(models, options)),
@@ -63,7 +58,6 @@ impl Extensions {
             gyros: GyroMatrix::new(&model.imu, kinematics).map(Box::new),
             warm_up: WarmUp::new(&model.imu),
             added: None,
-            effort: uses_effort.then(|| Box::new(EffortBlock::new(&models.effort, kinematics))),
             water: None,
             tape: None,
         };
@@ -91,9 +85,6 @@ impl Extensions {
         self.processes.restart();
         if let Some(calibration) = self.calibration.as_deref() {
             self.calibration = calibration.restarted(kinematics).map(Box::new);
-        }
-        if let Some(effort) = &mut self.effort {
-            **effort = effort.restarted(kinematics);
         }
         if let Some(gyros) = &mut self.gyros {
             gyros.begin_interval(kinematics);
@@ -162,9 +153,6 @@ impl Extensions {
     pub(super) fn begin_interval(&mut self, kinematics: &Kinematics<f64>) {
         if let Some(calibration) = &mut self.calibration {
             calibration.begin_interval(kinematics);
-        }
-        if let Some(effort) = &mut self.effort {
-            effort.begin_interval(kinematics);
         }
         if let Some(gyros) = &mut self.gyros {
             gyros.begin_interval(kinematics);
@@ -253,9 +241,6 @@ impl Extensions {
         self.processes.propagate(duration_s, &left);
         if let Some(calibration) = &mut self.calibration {
             calibration.extend(duration_s, end);
-        }
-        if let Some(effort) = &mut self.effort {
-            effort.extend(duration_s, end);
         }
         if let Some(water) = &mut self.water {
             water.propagate(duration_s, &left.fixed_rows::<WATER>(FIRST_WATER).into_owned());

@@ -7,12 +7,11 @@ use super::*;
 use crate::aiding::attitude::{MagnetometerModel, attitude};
 use crate::aiding::calibration::CalibrationPrior;
 use crate::aiding::depth::{DepthModel, depth};
-use crate::aiding::effort::{EffortModel, EffortSample};
 use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{Fraction, SlowSd, TimeConstant, WalkTime, WavePeriod};
-use crate::aiding::thrust::{ThrustModel, ThrustUse, thrust};
+use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
+use crate::aiding::thrust::{ThrustModel, ThrustSample, ThrustUse, thrust};
 use crate::aiding::water::{WATER, sway_row};
 use crate::aiding::{RowJacobian, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
@@ -65,21 +64,10 @@ fn filter() -> Eskf {
         quadrantal_sd_rad: SlowSd(0.005),
     };
     model.sensors.thrust = ThrustModel {
-        advance_m: 0.1,
-        advance_sd_m: 0.01,
-        slip_sd_mps: 0.02,
+        scale_sd: [0.1, 0.2, 0.1],
+        slip_sd_mps: [0.02, 0.03, 0.02],
         slip_time_s: TimeConstant(5.0),
         ..ThrustModel::default()
-    };
-    model.sensors.effort = EffortModel {
-        mass_kg: [20.0, 24.0, 32.0],
-        linear_drag_kgps: [14.0, 30.0, 33.0],
-        quadratic_drag_kgpm: [20.0, 10.0, 0.0],
-        speed_scale_sd: Fraction(0.1),
-        inertia_sd: Fraction(0.2),
-        slip_sd_mps: 0.02,
-        slip_time_s: TimeConstant(5.0),
-        ..EffortModel::default()
     };
     // Within the linear range.
     model.initial.attitude_sd_rad = [1e-3; 3];
@@ -138,19 +126,21 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
         [3].into_iter().collect(),
     ][round];
     let lever = Vec3::from_array([0.4, 0.1, -0.2]);
-    let forces = EffortSample {
+    let speeds = ThrustSample {
         time_ns: 0,
-        force_p_n: Vec3::new(110.0, 4.0, -2.0),
-        sd_n: 1.0,
+        speed_p_mps: Vec3::new(1.9, 0.2, -0.1),
+        sd_mps: 0.01,
     };
+    let along = |filter: &Eskf, axis| filter.with_motion(|motion| thrust(axis, motion, &speeds, &lever));
     vec![
         (beams(filter, valid), Sensor::Beams),
         (depth(&Motion::still(&filter.state()), 0.3, 0.02, &lever), Sensor::Depth),
         (attitude_reading(filter), Sensor::Attitude),
         (heading(&Motion::still(&filter.state()), 0.07, 0.01), Sensor::Heading),
         (MOTION.innovation(&filter.state()), Sensor::Motion),
-        (filter.with_motion(|motion| thrust(motion, 19.0, 0.01)), Sensor::Thrust),
-        (filter.effort_innovation(round, &forces, &lever), Sensor::EffortSurge),
+        (along(filter, 0), Sensor::ThrustSurge),
+        (along(filter, 1), Sensor::ThrustSway),
+        (along(filter, 2), Sensor::ThrustHeave),
     ]
 }
 
@@ -173,13 +163,13 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
     (&left * p * left.transpose() + &gain * r * gain.transpose(), gain * z)
 }
 
-/// Pings of four, two and one beam, depths, attitudes, headings, revolutions and assumptions by turns: covariance of all states and
+/// Pings of four, two and one beam, depths, attitudes, headings, speeds by the drives and assumptions by turns: covariance of all states and
 /// estimates of the slow errors are the textbook's.
 #[test]
 fn updates_are_the_textbook_updates_of_all_states() {
     let mut filter = filter();
     for round in 0..3 {
-        for kind in 0..7 {
+        for kind in 0..8 {
             advance(&mut filter, 30);
             let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
             let (p, before) = (filter.joint_covariance(), *filter.extensions.processes.estimate());
@@ -224,7 +214,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
 #[test]
 fn propagation_is_that_of_all_states() {
     let mut filter = filter();
-    for kind in 0..7 {
+    for kind in 0..8 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
         advance(&mut filter, 1);
@@ -297,7 +287,7 @@ fn blocks_begin_and_end() {
 #[test]
 fn water_states_start_anew() {
     let mut filter = filter();
-    for kind in 0..7 {
+    for kind in 0..8 {
         let (innovation, sensor) = readings(&mut filter, 0).swap_remove(kind);
         filter.update(&innovation, sensor).unwrap();
     }

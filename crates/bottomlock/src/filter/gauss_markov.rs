@@ -4,9 +4,8 @@
 //! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
 //! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others are mean and change of
-//! a vehicle's velocity ([`crate::aiding::motion_prior`]), advance and slip of its propeller
-//! ([`crate::aiding::thrust`]), and what its drag and mass are wrong by ([`crate::aiding::effort`]). With standard deviation and correlation time (none for a constant)
-//! each is estimated:
+//! a vehicle's velocity ([`crate::aiding::motion_prior`]), and scale and slip of the speed by its drives
+//! ([`crate::aiding::thrust`]). With standard deviation and correlation time (none for a constant) each is estimated:
 //!
 //! ```text
 //! z = reading − expected reading − D_f f̂ = H δx + D_f δf + white noise
@@ -18,19 +17,18 @@ use std::ops::Range;
 use nalgebra::{Matrix2, Rotation2};
 
 use crate::aiding::attitude::SlowAngleModel;
-use crate::aiding::effort::{self, INERTIA, SPEED_SCALE};
 use crate::aiding::further::{
     DEPTH_BIAS, DEPTH_WAVE, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_DEPTH_WAVE,
-    FIRST_EFFORT, FIRST_GYRO_MATRIX, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST,
-    FIRST_WATER, FurtherVector,
+    FIRST_GYRO_MATRIX, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION, FIRST_THRUST, FIRST_WATER,
+    FurtherVector,
 };
 use crate::aiding::registry::SensorModels;
-use crate::aiding::thrust::{ADVANCE, SLIP, ThrustUse};
+use crate::aiding::thrust::{SCALE, SLIP, ThrustUse};
 use crate::error::{NavError, require_finite};
 use crate::filter::options::Options;
 
 /// Blocks of such states.
-pub(super) const BLOCKS: [Range<usize>; 9] = [
+pub(super) const BLOCKS: [Range<usize>; 8] = [
     DEPTH_BIAS..FIRST_DEPTH_WAVE,
     FIRST_DEPTH_WAVE..FIRST_CALIBRATION,
     FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION,
@@ -38,8 +36,7 @@ pub(super) const BLOCKS: [Range<usize>; 9] = [
     FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION,
     FIRST_HEADING_DEVIATION..FIRST_GYRO_MATRIX,
     FIRST_MOTION..FIRST_THRUST,
-    FIRST_THRUST..FIRST_EFFORT,
-    FIRST_EFFORT..FIRST_WATER,
+    FIRST_THRUST..FIRST_WATER,
 ];
 
 /// Their estimates with what is known of them beforehand.
@@ -94,23 +91,13 @@ impl GaussMarkovStates {
             variance[change] = motion.change_sd_mps[axis].powi(2);
             rate_per_s[change] = 1.0 / motion.change_time_s[axis];
         }
-        if options.thrust != ThrustUse::Off && models.thrust.advance_m > 0.0 {
-            let thrust = &models.thrust;
-            initial[FIRST_THRUST + ADVANCE] = thrust.advance_m;
-            variance[FIRST_THRUST + ADVANCE] = thrust.advance_sd_m.powi(2);
-            variance[FIRST_THRUST + SLIP] = thrust.slip_sd_mps.powi(2);
-            rate_per_s[FIRST_THRUST + SLIP] = 1.0 / thrust.slip_time_s.0;
-        }
-        let hull = &models.effort;
-        for axis in (0..3).filter(|&axis| options.thrust != ThrustUse::Off && hull.has(axis)) {
-            let [scale, slip, inertia] = [SPEED_SCALE, effort::SLIP, INERTIA].map(|first| FIRST_EFFORT + first + axis);
+        let thrust = &models.thrust;
+        for axis in (0..3).filter(|&axis| options.thrust != ThrustUse::Off && thrust.has(axis)) {
+            let (scale, slip) = (FIRST_THRUST + SCALE + axis, FIRST_THRUST + SLIP + axis);
             initial[scale] = 1.0;
-            variance[scale] = hull.speed_scale_sd.0.powi(2);
-            rate_per_s[scale] = 1.0 / hull.speed_scale_time_s.0;
-            variance[slip] = hull.slip_sd_mps.powi(2);
-            rate_per_s[slip] = 1.0 / hull.slip_time_s.0;
-            variance[inertia] = hull.inertia_sd.0.powi(2);
-            rate_per_s[inertia] = 1.0 / hull.inertia_time_s.0;
+            variance[scale] = thrust.scale_sd[axis].powi(2);
+            variance[slip] = thrust.slip_sd_mps[axis].powi(2);
+            rate_per_s[slip] = 1.0 / thrust.slip_time_s.0;
         }
         Self {
             variance,

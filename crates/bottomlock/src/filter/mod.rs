@@ -8,7 +8,6 @@ pub(crate) mod charge;
 mod corrected_path;
 pub mod current;
 mod definite;
-mod effort;
 pub(crate) mod evidence;
 mod extensions;
 pub mod filter_group;
@@ -99,14 +98,7 @@ impl Eskf {
         options.validate()?;
         state.validate()?;
         if options.thrust != ThrustUse::Off {
-            let sensors = &model.sensors;
-            if sensors.effort.is_given() {
-                sensors.effort.require_usable()?;
-            }
-            // Either is enough.
-            if sensors.thrust.advance_m > 0.0 || !sensors.effort.is_given() {
-                sensors.thrust.require_usable()?;
-            }
+            model.sensors.thrust.require_usable()?;
         }
         let kinematics = state.kinematics();
         let earth = Earth::from(&model.environment);

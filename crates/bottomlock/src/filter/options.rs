@@ -40,7 +40,7 @@ pub struct Options {
     pub water: WaterPrior,
     /// Whether beams that the water returns are used: every method then has the current of `water` as states.
     pub water_track: bool,
-    /// What the revolutions of a propeller and the forces of thrusters correct; where they are used, every method has the current of `water` as states.
+    /// What speeds by the vehicle's drives correct; where they are used, every method has the current of `water` as states.
     pub thrust: ThrustUse,
     /// Prior of the current by depth, with `water_track` or `thrust`.
     pub current_layers: LayersPrior,

@@ -47,9 +47,6 @@ impl Eskf {
         if let Some(warm_up) = &self.extensions.warm_up {
             warm_up.check_restored()?;
         }
-        if let Some(effort) = &self.extensions.effort {
-            effort.check_restored(time_ns)?;
-        }
         self.extensions
             .water
             .as_ref()

@@ -146,7 +146,6 @@ impl Eskf {
             gyros: self.extensions.gyros.clone(),
             warm_up: None,
             added: None,
-            effort: self.extensions.effort.clone(),
             water: self.extensions.water.clone(),
             tape: None,
         };

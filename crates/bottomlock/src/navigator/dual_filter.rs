@@ -178,7 +178,7 @@ impl DualFilter {
         if let Some(filter) = &mut self.constrained {
             let innovation = innovation_of(filter);
             let is_plausible = filter.update_with_verdict(&innovation, sensor, report.verdict)?;
-            // A wrong advance says nothing of sway and heave.
+            // A wrong scale says nothing of sway and heave.
             let is_plausible = is_plausible || SpeedStates::of(sensor).is_some();
             let count = &mut self.implausible[sensor as usize];
             *count = if is_plausible { 0 } else { *count + 1 };

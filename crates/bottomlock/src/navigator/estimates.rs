@@ -2,7 +2,7 @@
 
 use super::Navigator;
 use crate::aiding::calibration::CLOCK;
-use crate::aiding::{effort, thrust, water};
+use crate::aiding::{thrust, water};
 
 /// Estimate of the motion through the water, with options of "water_track" or the method sway_current.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,30 +60,16 @@ pub struct CalibrationEstimate {
     pub covariance: [[f64; 4]; 4],
 }
 
-/// What is known of the propeller, with options of "thrust".
+/// What the vehicle's drives make of the speed through the water, with options of "thrust"; along surge, sway and heave each.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct ThrustEstimate {
-    /// Advance per revolution, m.
-    pub advance_m: f64,
-    /// Slip: speed that the revolutions do not say, m/s.
-    pub slip_mps: f64,
-    /// Covariance of both.
-    pub covariance: [[f64; 2]; 2],
-}
-
-/// What drag and mass are wrong by, with options of "thrust" and a model with "effort"; along surge, sway and heave each.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(C)]
-pub struct EffortEstimate {
-    /// Speed over that by the drag law; 0 for an axis without drag.
-    pub speed_scale: [f64; 3],
-    /// Slip: speed that the forces do not say, m/s.
+    /// Speed over that which the drives say; 0 for an axis that is not used.
+    pub scale: [f64; 3],
+    /// Slip: speed that the drives do not say, m/s.
     pub slip_mps: [f64; 3],
-    /// Relative error of mass and added mass.
-    pub inertia_error: [f64; 3],
-    /// Covariance of all, in this order.
-    pub covariance: [[f64; 9]; 9],
+    /// Covariance of both, in this order.
+    pub covariance: [[f64; 6]; 6],
 }
 
 /// Each after the last update; `None` where it is not estimated.
@@ -123,26 +109,14 @@ impl Navigator {
         plain.collect()
     }
 
-    /// Advance and slip of the propeller.
+    /// Scale and slip of the speed by the drives.
     #[must_use]
     pub fn thrust_estimate(&self) -> Option<ThrustEstimate> {
         let (estimate, covariance) = self.filter().thrust()?;
-        Some(ThrustEstimate {
-            advance_m: estimate[thrust::ADVANCE],
-            slip_mps: estimate[thrust::SLIP],
-            covariance: covariance.into(),
-        })
-    }
-
-    /// What drag and mass are wrong by.
-    #[must_use]
-    pub fn effort_estimate(&self) -> Option<EffortEstimate> {
-        let (estimate, covariance) = self.filter().effort()?;
         let three = |first: usize| std::array::from_fn(|axis| estimate[first + axis]);
-        Some(EffortEstimate {
-            speed_scale: three(effort::SPEED_SCALE),
-            slip_mps: three(effort::SLIP),
-            inertia_error: three(effort::INERTIA),
+        Some(ThrustEstimate {
+            scale: three(thrust::SCALE),
+            slip_mps: three(thrust::SLIP),
             covariance: covariance.into(),
         })
     }

@@ -286,7 +286,7 @@ impl Navigator {
                 report(&outcome);
             }
             Event::Aiding(measurement) => {
-                if let Measurement::Thrust(_) | Measurement::Effort(_) = measurement {
+                if let Measurement::Thrust(_) = measurement {
                     filters.each_mut().for_each(Eskf::prepare_for_thrust);
                 }
                 let is_held = self

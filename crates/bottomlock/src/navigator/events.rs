@@ -7,7 +7,6 @@ use crate::mechanisation::ImuSample;
 
 pub use crate::aiding::attitude::AttitudeSample;
 pub use crate::aiding::depth::DepthSample;
-pub use crate::aiding::effort::EffortSample;
 pub use crate::aiding::gps::{GpsSample, GpsVelocity};
 pub use crate::aiding::heading::HeadingSample;
 pub use crate::aiding::registry::{STREAM_NAMES, STREAMS, WATER_TRACK};

@@ -27,7 +27,7 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
         Event::Aiding(measurement) => {
             let (stream, time_ns) = (event.stream().0, event.time_ns());
             measurement.reports().try_for_each(|sensor| {
-                let innovation = filter.measured_innovation(measurement, sensor, levers);
+                let innovation = filter.with_motion(|motion| measurement.innovation(sensor, motion, levers));
                 (0..innovation.rows).try_for_each(|row| {
                     let residual = [innovation.residual[row]];
                     require_plausible(stream, time_ns, &residual, LARGEST_RESIDUAL, UNIT)?;
@@ -52,12 +52,7 @@ pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavErr
         Event::Aiding(Measurement::Thrust(_)) => (
             filter.thrust().is_none(),
             "options.thrust",
-            "\"velocity\" or \"all\" with a model of the propeller, for revolutions: advance and current are then states",
-        ),
-        Event::Aiding(Measurement::Effort(_)) => (
-            filter.effort().is_none(),
-            "options.thrust",
-            "\"velocity\" or \"all\" with model.effort, for forces: what the drag is wrong by and the current are then states",
+            "\"velocity\" or \"all\" with model.thrust, for speeds by the drives: their scale and the current are then states",
         ),
         _ => return Ok(()),
     };

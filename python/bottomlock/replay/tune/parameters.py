@@ -85,7 +85,7 @@ _KEYS: dict[str, str] = {
     "thrust.slip_mps": "slip of the propeller, m/s",
     "thrust.noise_mps": "noise of the propeller's speed, m/s",
     "effort.slip_mps": "slip of the speed by thrusters, m/s",
-    "effort.noise_n": "noise of a thrusters' force, N",
+    "effort.noise_mps": "noise of the speed by thrusters, m/s",
 }
 
 

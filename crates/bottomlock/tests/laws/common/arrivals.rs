@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
-use bottomlock::aiding::effort::EffortModel;
 use bottomlock::aiding::outliers::{Robust, Tail};
 use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
-use bottomlock::aiding::sensor::Fraction;
 use bottomlock::aiding::thrust::{ThrustModel, ThrustUse};
 use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
 use bottomlock::filter::gate::Gate;
@@ -15,8 +13,8 @@ use bottomlock::frames::{Rot, Vec3};
 use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
 use bottomlock::model::Model;
 use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, EffortSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample,
-    VelocitySample, WATER_TRACK, WaterSample,
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample, VelocitySample,
+    WATER_TRACK, WaterSample,
 };
 use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
 use nalgebra::Matrix3;
@@ -86,13 +84,8 @@ impl Case {
         if thrust != ThrustUse::Off {
             let mut time_ns = 0;
             while time_ns <= last_ns {
-                sensors[SensorKind::Thrust as usize].push(revolutions(&mut propeller, time_ns));
+                sensors[SensorKind::Thrust as usize].push(speeds(&mut propeller, time_ns));
                 time_ns = later(&mut propeller, time_ns, 200 * MS);
-            }
-            let mut time_ns = 0;
-            while time_ns <= last_ns {
-                sensors[SensorKind::Effort as usize].push(forces(&mut propeller, time_ns));
-                time_ns = later(&mut propeller, time_ns, 300 * MS);
             }
         }
         let mut log: Vec<Event> = imu.iter().copied().map(Event::Imu).collect();
@@ -104,19 +97,9 @@ impl Case {
         let mut model = Model::table_2();
         model.sensors.depth.bias_sd_m = if random.random() { 0.3 } else { 0.0 };
         model.sensors.thrust = ThrustModel {
-            advance_m: 0.1,
-            advance_sd_m: 0.01,
-            slip_sd_mps: 0.02,
+            scale_sd: [0.1; 3],
+            slip_sd_mps: [0.02, 0.02, 0.0],
             ..ThrustModel::default()
-        };
-        model.sensors.effort = EffortModel {
-            mass_kg: [30.0; 3],
-            linear_drag_kgps: [20.0, 40.0, 0.0],
-            quadratic_drag_kgpm: [10.0, 0.0, 0.0],
-            speed_scale_sd: Fraction(0.1),
-            inertia_sd: Fraction(0.1),
-            slip_sd_mps: 0.02,
-            ..EffortModel::default()
         };
         Self {
             method,
@@ -230,27 +213,19 @@ fn ping(random: &mut ChaCha8Rng, time_ns: i64) -> BeamSample {
     }
 }
 
-fn revolutions(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
+fn speeds(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
     let wild = if random.random_bool(0.15) { 30.0 } else { 1.0 };
-    let revolutions_hz = if random.random_bool(0.1) {
-        0.0
-    } else {
-        wild * normal(random)
+    let mut speed = || {
+        if random.random_bool(0.1) {
+            0.0
+        } else {
+            0.1 * wild * normal(random)
+        }
     };
     ThrustSample {
         time_ns,
-        revolutions_hz,
+        speed_p_mps: Vec3::new(speed(), speed(), speed()),
         sd_mps: 0.05,
-    }
-    .into()
-}
-
-fn forces(random: &mut ChaCha8Rng, time_ns: i64) -> Measurement {
-    let wild = if random.random_bool(0.15) { 30.0 } else { 1.0 };
-    EffortSample {
-        time_ns,
-        force_p_n: Vec3::new(40.0 + wild * normal(random), wild * normal(random), 0.0),
-        sd_n: 1.0,
     }
     .into()
 }
