@@ -1,11 +1,11 @@
 //! Calls from outside: errors as codes with a message, and no panic to a caller.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bottomlock::NavError;
+use bottomlock::error::internal;
 
 /// What a call returns: 0 for success. `bl_last_error()` says what was wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -122,16 +122,8 @@ fn keep(failure: &Failure) {
 
 fn caught<T>(work: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
     // What the work changes is not used again after a panic: the lock of a navigator is poisoned by it.
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(internal(panic.as_ref())))
-}
-
-fn internal(panic: &(dyn Any + Send)) -> Failure {
-    let words = panic.downcast_ref::<String>().map(String::as_str);
-    let words = words
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("no words");
-    let message = format!("internal error of the kernel, please report it with the call: {words}");
-    Failure::new(Status::Internal, message)
+    let caught = catch_unwind(AssertUnwindSafe(work));
+    caught.unwrap_or_else(|panic| Err(Failure::new(Status::Internal, internal(panic.as_ref()))))
 }
 
 /// A call whose work trusts the caller's pointers as the head of the header asks, the one place where a call does:

@@ -5,11 +5,10 @@ use std::ffi::{CStr, CString, c_char};
 use std::ptr;
 use std::sync::{Mutex, PoisonError};
 
-use bottomlock::NavError;
 use bottomlock::mechanisation::IMU_FAULTS;
 use bottomlock::navigator::METHODS;
 use bottomlock::navigator::events::STREAM_NAMES;
-use bottomlock::settings::nearest;
+use bottomlock::settings::hint;
 
 use crate::calls::{Failure, Outcome, Status};
 
@@ -41,23 +40,6 @@ pub extern "C" fn bl_imu_fault_name(number: usize) -> *const c_char {
     IMU_FAULTS.get(number).map_or(ptr::null(), |name| c_name(name))
 }
 
-/// Words that follow an unknown name: the nearest known one, or all of them.
-pub(crate) fn hint(name: &str, known: &[&str]) -> String {
-    match nearest(name, known) {
-        Some(near) => format!("did you mean '{near}'?"),
-        None => format!("known: {}", known.join(", ")),
-    }
-}
-
-/// The failure of an unknown method, with those words.
-pub(crate) fn unknown(error: &NavError, name: &str, known: &[&str]) -> Failure {
-    let words = match error {
-        NavError::Replaced { .. } => error.to_string(),
-        _ => format!("{error} ({})", hint(name, known)),
-    };
-    Failure::new(Status::UnknownName, words).about("method")
-}
-
 /// The entry of a name.
 pub(crate) fn named<'a, T>(what: &str, name: &str, all: &'a [T], of: impl Fn(&T) -> &'static str) -> Outcome<&'a T> {
     all.iter().find(|one| of(one) == name).ok_or_else(|| {
@@ -70,14 +52,6 @@ pub(crate) fn named<'a, T>(what: &str, name: &str, all: &'a [T], of: impl Fn(&T)
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A name too far from all known ones gets the list.
-    #[test]
-    fn the_nearest_name_is_proposed() {
-        assert_eq!(hint("gaate", &["gps", "gate", "water"]), "did you mean 'gate'?");
-        assert_eq!(hint("xyz", &["gps", "gate"]), "known: gps, gate");
-        assert_eq!(hint("x", &[]), "known: ");
-    }
 
     /// A name is made once, and is the same text ever after.
     #[test]

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard};
 
 use bottomlock::aiding::registry::SensorModels;
 use bottomlock::layout::DIM;
-use bottomlock::navigator::{LiveNavigator, METHODS, Method, Notice, RECOMMENDED_METHOD, Snapshot};
+use bottomlock::navigator::{LiveNavigator, Method, Notice, RECOMMENDED_METHOD, Snapshot};
 use bottomlock::plain_state::PlainState;
 use bottomlock::settings::read;
 use bottomlock::state::{Covariance, NavState};
@@ -15,7 +15,6 @@ use serde_json::value::RawValue;
 use crate::calls::{Failure, Outcome, Status, call, free};
 use crate::geometry::Geometry;
 use crate::model::Model;
-use crate::names::unknown;
 use crate::options::Options;
 use crate::pointers::{at, numbers, put, put_all, text, values};
 use crate::settings::{Settings, parsed};
@@ -54,7 +53,7 @@ impl Navigator {
         start: NavState,
         horizon_ns: i64,
     ) -> Outcome<Self> {
-        let aiding = self::method(method)?.aiding;
+        let aiding = Method::named(method)?.aiding;
         let live = LiveNavigator::new(start, &geometry.0, aiding, &model.0, &options.0, horizon_ns)?;
         let sensors = model.0.sensors;
         Ok(Self::of(Snapshot { live, sensors }))
@@ -82,11 +81,6 @@ impl Navigator {
             sensors: self.sensors,
         })
     }
-}
-
-/// The aiding method of a name; the error names the nearest one.
-fn method(name: &str) -> Outcome<Method> {
-    Method::named(name).map_err(|error| unknown(&error, name, &METHODS.map(|method| method.name)))
 }
 
 /// What a navigator is made from in one call; the parts are texts of JSON.

@@ -3,14 +3,13 @@
 use std::ffi::c_char;
 
 use bottomlock::dvl::fix::{PingContext, VelocityPrior, solve};
-use bottomlock::dvl::fix_row::{FIX_METHODS, FixRow};
+use bottomlock::dvl::fix_row::FixRow;
 use bottomlock::dvl::partial::PartialMethod;
 use bottomlock::frames::Vec3;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::calls::{Failure, Status, call};
 use crate::geometry::Geometry;
-use crate::names::unknown;
 use crate::options::Options;
 use crate::pointers::{at, given, ping, put, text};
 
@@ -37,10 +36,7 @@ pub unsafe extern "C" fn bl_solve_velocity(
     call!(status, {
         let (geometry, method, prior_velocity, prior_cov, rate, options) = (
             &at("geometry", geometry)?.0,
-            {
-                let name = text("method", method)?;
-                PartialMethod::named(name).map_err(|error| unknown(&error, name, &FIX_METHODS.map(|(name, _)| name)))?
-            },
+            PartialMethod::named(text("method", method)?)?,
             given(prior_velocity_p_mps.cast::<[f64; 3]>()),
             given(prior_cov_m2ps2.cast::<[f64; 9]>()),
             given(omega_tp_p_radps.cast::<[f64; 3]>()),

@@ -1,12 +1,12 @@
 //! Calls of the kernel without the GIL: errors mapped, signals answered, and no panic to a caller.
 
-use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
 use std::sync::mpsc::RecvTimeoutError;
 use std::thread;
 use std::time::Duration;
 
+use bottomlock::error::internal;
 use bottomlock::{NavError, Stop};
 
 use crate::prelude::*;
@@ -18,7 +18,7 @@ const LOOK: Duration = Duration::from_millis(100);
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, NavError> + Send) -> PyResult<T> {
     // What the work changes is not used again after a panic: the locks of a navigator are poisoned by it.
     py.detach(|| catch_unwind(AssertUnwindSafe(work)))
-        .map_err(internal)?
+        .map_err(|panic| invalid(internal(panic.as_ref())))?
         .map_err(raise)
 }
 
@@ -56,23 +56,12 @@ pub fn interruptible<T: Send>(
         return Err(error);
     }
     let outcome = outcome.map_err(|error| invalid(format!("no thread could be started: {error}")))?;
-    outcome.map_err(internal)?.map_err(raise)
+    let outcome = outcome.map_err(|panic| invalid(internal(panic.as_ref())))?;
+    outcome.map_err(raise)
 }
 
 /// Raises what a signal raises; true where the event is set.
 fn is_asked(py: Python<'_>, stop: Option<&Py<PyAny>>) -> PyResult<bool> {
     py.check_signals()?;
     stop.map_or(Ok(false), |stop| stop.bind(py).call_method0("is_set")?.is_truthy())
-}
-
-/// The exception for a fault of the kernel itself.
-#[allow(clippy::needless_pass_by_value)]
-fn internal(panic: Box<dyn Any + Send>) -> PyErr {
-    let words = panic.downcast_ref::<String>().map(String::as_str);
-    let words = words
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("no words");
-    invalid(format!(
-        "internal error of the kernel, please report it with the call: {words}"
-    ))
 }

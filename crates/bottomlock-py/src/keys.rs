@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use bottomlock::settings::nearest;
+use bottomlock::settings::{hint, nearest};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::types::{PyBool, PyString};
 
@@ -133,10 +133,7 @@ impl<'py> Keys<'py> {
         let mut known: Vec<&str> = asked.iter().map(String::as_str).collect();
         known.sort_unstable();
         known.dedup();
-        let hint = match nearest(&unknown, &known) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("known: {}", known.join(", ")),
-        };
+        let hint = hint(&unknown, &known);
         Err(invalid(format!("{} has no key '{unknown}' ({hint})", self.owner)))
     }
 }

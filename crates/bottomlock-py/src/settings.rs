@@ -2,13 +2,12 @@
 
 use bottomlock::dvl::geometry::BeamMask;
 use bottomlock::earth::{EarthModel, Environment};
-use bottomlock::error::NavError;
 use bottomlock::filter::options::Options;
 use bottomlock::frames::{Platform, Rot, Tangent};
 use bottomlock::mechanisation::Sampling;
 use bottomlock::model::Model;
-use bottomlock::navigator::{METHODS, Method};
-use bottomlock::settings::{self as core, nearest};
+use bottomlock::navigator::Method;
+use bottomlock::settings as core;
 use serde::de::value::{Error, StrDeserializer};
 use serde::de::{DeserializeOwned, IntoDeserializer};
 
@@ -17,16 +16,9 @@ use crate::given::Given;
 use crate::prelude::*;
 use crate::state;
 
-/// The aiding method of a short name; the error names the nearest one.
+/// The aiding method of a short name.
 pub fn method(name: &str) -> PyResult<Method> {
-    Method::named(name).map_err(|error| {
-        if let NavError::Replaced { .. } = error {
-            return raise(error);
-        }
-        let known: Vec<_> = METHODS.iter().map(|method| method.name).collect();
-        let hint = nearest(name, &known).map_or(String::new(), |near| format!("; did you mean '{near}'?"));
-        invalid(format!("{error}{hint}"))
-    })
+    Method::named(name).map_err(raise)
 }
 
 /// Aiding methods by their short names, or as classes of one's own.

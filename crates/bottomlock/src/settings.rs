@@ -16,7 +16,7 @@ use crate::aiding::water::WaterPrior;
 use crate::dvl::partial::Assumptions;
 use crate::earth::Environment;
 use crate::error::NavError;
-pub use crate::error::setting::{nearest, read};
+pub use crate::error::setting::{hint, nearest, read};
 use crate::filter::options::Options;
 use crate::mechanisation::ImuLimits;
 use crate::model::{ImuModel, InitialModel, Model};

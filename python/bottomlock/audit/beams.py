@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 from bottomlock.audit.beam_order import NEAR_RAD, Match, match
 from bottomlock.audit.closure import (
     Closure,
-    Combination,
     Slope,
-    closing_combination,
     closure_of,
     closure_slope,
     null_space,
     null_space_cov,
 )
-from bottomlock.audit.findings import MATERIAL_MPS
+from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix, line_angle
 from bottomlock.audit.robust import Array, sigmas_for
@@ -28,9 +26,10 @@ BETTER, FAR_BETTER = 0.5, 0.2
 
 A fault of one channel in the record alone shows in every row of such a matrix, and another order may halve its closure.
 """
-ROUNDING_MPS = 1e-9
-"""Beams that close as well as this close exactly: no other order closes better."""
 
+TURNED_RAD = 1e-9
+"""A smaller common rotation is none."""
+Flags = NDArray[np.bool_]
 Pairs = tuple[tuple[int, int], ...]
 
 
@@ -69,26 +68,26 @@ class BeamAssessment:
         matrix: the beam matrix by regression against the instrument's velocity, or None.
         seen: it is observable.
         match: its match with the stated geometry, or None.
+        copies: pairs of channels that hold the same numbers.
         parallel: pairs of its channels with different numbers but parallel (or antiparallel) directions.
         rows: (beams, 3) geometry used for the closure, in the order and with the signs of the log; or None.
         closures: statistics, one for each combination in the null space; empty for three beams.
         slope: of the first closure on the velocity, or None.
         reordered: orders other than stated, or None.
-        combination: how beams close of which nothing is known, or None.
         bias_mps, bias_sd_mps: (beams,) against the instrument's velocity; empty where none shows.
     """
 
-    full: NDArray[np.bool_]
+    full: Flags
     solved: int = 0
     matrix: Matrix | None = None
     seen: bool = False
     match: Match | None = None
+    copies: Pairs = ()
     parallel: Pairs = ()
     rows: Array | None = None
     closures: list[Closure] = field(default_factory=list)
     slope: Slope | None = None
     reordered: Reordered | None = None
-    combination: Combination | None = None
     bias_mps: Array = field(default_factory=lambda: np.zeros(0))
     bias_sd_mps: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -112,17 +111,49 @@ class BeamAssessment:
 
     @property
     def explained(self) -> bool:
-        """The median of the closures is no further finding: a named bias is named once, and a slope gives a median.
+        """The median of the closures is no further finding: a named bias is named once, and a slope gives a median."""
+        return bool(self.biased) or self.doubtful or (self.slope is not None and self.slope.material)
 
-        Fitted weights leave a part of the velocity in the closure as well.
-        """
+    def _single(self, beams: Flags) -> list[int]:
+        """Those of the beams that are not read twice."""
+        twice = {beam for pair in (*self.parallel, *self.copies) for beam in pair}
+        return [int(k) for k in np.flatnonzero(beams) if int(k) not in twice]
+
+    @property
+    def moved(self) -> list[int]:
+        """Channels that are another beam than stated."""
+        return [] if self.match is None else self._single(self.match.beam != np.arange(len(self.match.beam)))
+
+    @property
+    def flipped(self) -> list[int]:
+        """Channels of the opposite sign of the stated beam."""
+        return [] if self.match is None else self._single(self.match.sign < 0)
+
+    @property
+    def off(self) -> list[int]:
+        """Channels off their stated direction."""
+        m, found = self.matrix, self.match
+        if m is None or found is None:
+            return []
+        return self._single(
+            found.off_rad > np.maximum(MATERIAL_RAD, sigmas_for(m.blocks) * m.direction_sd_rad)
+        )
+
+    @property
+    def turned_rad(self) -> float:
+        """Size of the common rotation from the stated geometry."""
+        return 0.0 if self.match is None else float(self.match.rotation.magnitude())
+
+    @property
+    def fits(self) -> bool:
+        """Nothing shows that the beams are not the stated ones."""
         depends = self.slope is not None and self.slope.material
-        return depends or bool(self.biased) or self.doubtful or self.combination is not None
+        ordered = self.reordered is None or (self.reordered.or_bias and not self.doubtful)
+        same = self.turned_rad < TURNED_RAD and not (self.moved or self.flipped or self.off or self.parallel)
+        return same and ordered and not depends
 
 
-def assess_beams(
-    log: BeamLog, full: NDArray[np.bool_], stated: Array | None, copies: Pairs = ()
-) -> BeamAssessment:
+def assess_beams(log: BeamLog, full: Flags, stated: Array | None, copies: Pairs = ()) -> BeamAssessment:
     """Assesses the beams of a log: directions, order, signs, tilt, scale, bias and closure.
 
     Args:
@@ -141,14 +172,10 @@ def assess_beams(
         matched = None if stated is None else match(u, stated)
         pairs = itertools.combinations(range(log.beams), 2)
         parallel = [(i, j) for i, j in pairs if (i, j) not in copies and line_angle(u[i], u[j]) < NEAR_RAD]
-    found = BeamAssessment(full, int(solved.sum()), matrix, seen, matched, tuple(parallel), rows)
+    found = BeamAssessment(full, int(solved.sum()), matrix, seen, matched, copies, tuple(parallel), rows)
     readings = log.velocity_mps[full]
-    if len(readings) < LEAST_PINGS or copies or parallel:
+    if rows is None or len(readings) < LEAST_PINGS or copies or parallel:
         return found
-    if rows is None:
-        best = closing_combination(readings) if log.beams >= 4 else None
-        closures = [closure_of(best.weights, readings)] if best is not None and best.clear else []
-        return replace(found, closures=closures, combination=best)
     reordered = find_order(readings, rows, FAR_BETTER if seen else BETTER) if log.beams >= 4 else None
     if reordered is not None and not reordered.or_bias:
         one = reordered.orders[0]
@@ -160,7 +187,7 @@ def find_order(readings_mps: Array, rows: Array, better: float = BETTER) -> Reor
     """The simplest orders in which readings (n, beams) close far better than in that of rows (beams, 3), if any."""
     orders = orders_by_closure(readings_mps, rows)
     plain, best = next(one for one in orders if one.steps == 0), orders[0]
-    if best.closure_mps > better * plain.closure_mps or plain.closure_mps < ROUNDING_MPS:
+    if best.closure_mps > better * plain.closure_mps or plain.closure_mps < MATERIAL_MPS:
         return None
     equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
     simple = [one for one in equal if one.steps == min(other.steps for other in equal)]

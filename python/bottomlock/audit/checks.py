@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from bottomlock.audit import beside, defects
+from bottomlock.audit.beams import TURNED_RAD
 from bottomlock.audit.context import Context
 from bottomlock.audit.findings import (
     FROM_FILE,
-    MATERIAL_RAD,
     MATERIAL_SCALE,
     Told,
     beam_words,
@@ -17,9 +17,9 @@ from bottomlock.audit.findings import (
     with_sd,
 )
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, Matrix, angle_between, line_angle, tilt
+from bottomlock.audit.matrix import LEAST_PINGS, Matrix, line_angle, tilt
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
-from bottomlock.io.beams import packaged_geometries, read_geometry
+from bottomlock.io.beams import packaged_geometries
 from bottomlock.recordings.closure import Order, closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 
@@ -48,22 +48,6 @@ def unobservable(log: BeamLog, context: Context) -> Iterator[Finding]:
     told = {"sds": listed(sds, ".2g"), "spread": listed(spread, ".2g")}
     told |= {"blocks": str(found.matrix.blocks), "least": str(LEAST_BLOCKS)}
     yield finding("directions_not_observable", sds.max(), 0.0, told)
-
-
-def alone(log: BeamLog, context: Context) -> Iterator[Finding]:
-    """With neither a velocity nor a stated geometry: how the beams close."""
-    found = context.assessment
-    if not log.beams or found.rows is not None or found.full.sum() < LEAST_PINGS or context.copies:
-        return
-    best = found.combination
-    if best is None:
-        yield finding("beams_alone", 0.0, 0.0)
-        return
-    told = {"weights": " ".join(f"{w:+.2f}" for w in best.weights)} | _mmps(
-        least=best.spread_mps, following=best.next_mps
-    )
-    case = "opposite" if best.clear else "unclear"
-    yield finding(f"beams_alone/{case}", best.spread_mps, 0.0, told)
 
 
 def order(_: BeamLog, context: Context) -> Iterator[Finding]:
@@ -98,35 +82,29 @@ def _angles(matrix: Matrix) -> Told:
 
 def matched(_: BeamLog, context: Context) -> Iterator[Finding]:
     """Differences from the stated geometry: common rotation, beams swapped, reversed or off their direction."""
-    found, matrix, stated = context.assessment.match, context.assessment.matrix, context.stated_rows
+    one, stated = context.assessment, context.stated_rows
+    found, matrix = one.match, one.matrix
     if found is None or matrix is None or stated is None:
         return
     told = _angles(matrix)
-    turned = float(np.rad2deg(found.rotation.magnitude()))
-    if turned > 1e-7:
+    if one.turned_rad > TURNED_RAD:
         rpy = listed(found.rotation.as_euler("ZYX", degrees=True)[::-1], ".1f")
-        yield finding("rotated_geometry", turned, told=told | {"rpy": rpy})
-    alike = [*context.assessment.parallel, *context.copies]
-    parallel = {beam for pair in alike for beam in pair}
-    moved = [k for k, beam in enumerate(found.beam) if beam != k and k not in parallel]
-    if moved:
-        pairs = ", ".join(f"channel {k + 1} is beam {found.beam[k] + 1}" for k in moved)
-        yield finding("swapped_beams", len(moved), told=told | {"pairs": pairs}, beams=moved)
-    flipped = [int(k) for k in np.flatnonzero(found.sign < 0) if int(k) not in parallel]
-    if flipped:
-        kind = "all_signs_flipped" if len(flipped) == len(found.sign) else "sign_flipped"
-        yield finding(kind, len(flipped), told=told, beams=flipped)
-    sure = found.off_rad > np.maximum(MATERIAL_RAD, sigmas_for(matrix.blocks) * matrix.direction_sd_rad)
-    off = [int(k) for k in np.flatnonzero(sure) if int(k) not in parallel]
-    if off:
-        worst = max(off, key=lambda k: float(found.off_rad[k]))
+        yield finding("rotated_geometry", np.rad2deg(one.turned_rad), told=told | {"rpy": rpy})
+    if one.moved:
+        pairs = ", ".join(f"channel {k + 1} is beam {found.beam[k] + 1}" for k in one.moved)
+        yield finding("swapped_beams", len(one.moved), told=told | {"pairs": pairs}, beams=one.moved)
+    if one.flipped:
+        kind = "all_signs_flipped" if len(one.flipped) == len(found.sign) else "sign_flipped"
+        yield finding(kind, len(one.flipped), told=told, beams=one.flipped)
+    if one.off:
+        worst = max(one.off, key=lambda k: float(found.off_rad[k]))
         expected = tilt(found.rotation.apply(found.sign[:, None] * stated[found.beam]))
         # From the nearer end of the z axis, so that a reversed beam has the tilt of the others.
         told["stated"] = listed(np.rad2deg(np.minimum(expected, np.pi - expected)))
         angles, sds = np.rad2deg(found.off_rad), np.rad2deg(matrix.direction_sd_rad)
-        told["off"] = with_sd(angles[off], sds[off])
+        told["off"] = with_sd(angles[one.off], sds[one.off])
         weight = np.sin(found.off_rad[worst])
-        yield finding("mistilted_beam", angles[worst], weight, told, beams=off, sd=sds[worst])
+        yield finding("mistilted_beam", angles[worst], weight, told, beams=one.off, sd=sds[worst])
 
 
 def unmatched(_: BeamLog, context: Context) -> Iterator[Finding]:
@@ -202,58 +180,40 @@ def closures(_: BeamLog, context: Context) -> Iterator[Finding]:
             yield finding("heavy_tails", one.beyond_3_sigma, one.beyond_3_sigma, told)
 
 
-OTHER_INSTRUMENT = {"swapped_beams", "sign_flipped", "order_or_bias", "rotated_geometry"}
-"""Findings that another geometry may explain; so does a wrong direction of every beam."""
-
-
 def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
     """The packaged geometry that fits where the stated one does not, or where none is stated.
 
-    A geometry fits where the audit against it finds no fault of the beams. Closure alone shows neither tilt nor yaw:
-    without the instrument's velocity several geometries fit where a stated one does not, and all of them are named.
+    Closure alone shows neither tilt nor yaw: without the instrument's velocity several geometries fit where a stated
+    one does not, and all of them are named.
     """
     found, stated, name = context.assessment, context.stated_rows, context.geometry_name
-    mine = stated is None or name in packaged_geometries()
-    judged = found.seen or (stated is not None and log.beams >= 4)
-    if not mine or not judged or found.full.sum() < LEAST_PINGS or not _open(log, context):
+    if (
+        not log.beams
+        or found.full.sum() < LEAST_PINGS
+        or (stated is not None and name not in packaged_geometries())
+    ):
         return
-    others = {one: read_geometry(one).geometry for one in packaged_geometries() if one != name}
-    tried = {one: Context(log, geometry) for one, geometry in others.items() if geometry.beams == log.beams}
-    fits = [
-        one
-        for one, other in tried.items()
-        if all(fault.severity != "fault" for check in BEAMS for fault in check(log, other))
-    ]
-    if not fits:
+    alone = found.rows is None
+    if alone and not context.copies and (log.beams < 4 or not context.packaged):
+        yield finding("beams_alone", 0.0, 0.0)
+    if (log.beams < 4 and not found.seen) or (stated is not None and found.fits) or not context.packaged:
         return
-    rows = {one: tried[one].stated_rows for one in fits} | (
-        {} if stated is None or name is None else {name: stated}
-    )
-    sizes = {
-        one: 1e3 * closure_sd(of, log.velocity_mps[found.full]) for one, of in rows.items() if of is not None
-    }
+    fits = list(context.packaged)
+    rows = {one: of.stated_rows for one, of in context.packaged.items()} | {name: stated}
+    readings = log.velocity_mps[found.full]
+    sizes = {one: 1e3 * closure_sd(of, readings) for one, of in rows.items() if of is not None}
     known = ", ".join(f"{size:.1f} with {one}" for one, size in sizes.items() if np.isfinite(size))
     told: Told = {
         "basis": f"Robust closure of a unit combination, mm/s: {known}." if known else "",
         "stated": name,
     }
     told["fits"] = f"{', '.join(fits[:-1])} or {fits[-1]}" if len(fits) > 1 else fits[0]
-    only = tried[fits[0]].stated_rows
-    if len(fits) == 1 and found.seen and found.matrix is not None and only is not None:
-        unit = only / np.linalg.norm(only, axis=1)[:, None]
-        off = np.rad2deg(angle_between(found.matrix.directions, unit).max())
+    only = context.packaged[fits[0]].assessment
+    if len(fits) == 1 and only.match is not None:
+        off = np.rad2deg(only.match.off_rad.max())
         told["basis"] += f" Every beam is within {off:.2f} deg of {fits[0]}, by the instrument's velocity."
     kind = "packaged_geometries/several" if len(fits) > 1 else "packaged_geometries"
     yield finding(kind if stated is None or len(fits) > 1 else "another_geometry", len(fits), told=told)
-
-
-def _open(log: BeamLog, context: Context) -> bool:
-    """No geometry is stated, or what is found against it may be that of another instrument."""
-    return context.stated_rows is None or any(
-        one.kind in OTHER_INSTRUMENT or (one.kind == "mistilted_beam" and len(one.beams) == log.beams)
-        for check in BEAMS
-        for one in check(log, context)
-    )
 
 
 ALWAYS: tuple[LogCheck, ...] = (defects.never_locked, defects.times, defects.reader)
@@ -262,12 +222,9 @@ OF_LOG: tuple[LogCheck, ...] = (
     defects.stale, defects.stuck, defects.zeros, defects.ranges, defects.copies, defects.instrument_flags,
 )  # fmt: skip
 """Of a log alone."""
-BEAMS: tuple[Check, ...] = (
-    unobservable, alone, order, matched, unmatched, parallel, scale, bias, dependence, closures,
-)  # fmt: skip
-"""Of the beams against a geometry."""
 CHECKS: tuple[Check, ...] = (
-    noisy, *BEAMS, packaged, beside.depth, beside.mounting, beside.parts, beside.imu, beside.water,
+    noisy, unobservable, order, matched, unmatched, parallel, scale, bias, dependence, closures, packaged, beside.depth,
+    beside.mounting, beside.parts, beside.imu, beside.water,
 )  # fmt: skip
 """Of a log with what stands beside it."""
 

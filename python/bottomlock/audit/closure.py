@@ -23,8 +23,6 @@ from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_m
 
 HEAVY_FRACTION = 0.01
 """Tails are heavy where a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
-CLEARER = 2.0
-"""A combination of readings is named where the next best spreads as many times more."""
 
 
 def null_space(rows: Array) -> Array:
@@ -232,41 +230,3 @@ def null_space_cov(rows: Array, resampled: Array, weights: Array) -> Array:
         k = int(np.argmax(np.abs(weights @ n)))
         slopes.append((n[:, k] * (weights @ weights) / (weights @ n[:, k])) @ rows)
     return np.atleast_2d(np.cov(np.array(slopes), rowvar=False))
-
-
-@dataclass(frozen=True, eq=False)
-class Combination:
-    """The combination of beams with the least spread: weights (beams,), m/s for the spreads.
-
-    `spread_mps` is the robust sigma of the combination scaled to unit length, `next_mps` that of the next best.
-    """
-
-    weights: Array
-    spread_mps: float
-    next_mps: float
-
-    @property
-    def clear(self) -> bool:
-        """It closes clearly better than the others."""
-        return self.next_mps > max(MATERIAL_MPS, CLEARER * self.spread_mps)
-
-
-def closing_combination(readings_mps: Array) -> Combination:
-    """The direction of least spread of readings (n, beams): the null space of the unknown geometry.
-
-    Unequally noisy beams shift the weights towards the quieter ones. The spread is about zero, since a closure without
-    bias is zero; outliers are weighted down.
-    """
-    weights = np.ones(len(readings_mps))
-    for _ in range(20):
-        values, vectors = np.linalg.eigh((readings_mps * weights[:, None]).T @ readings_mps / weights.sum())
-        least = readings_mps @ vectors[:, 0]
-        spread = max(float(sd_about_median(least)), 1e-9)
-        before, weights = weights, 1.0 / np.maximum(np.abs(least) / (2.0 * spread), 1.0) ** 2
-        if np.max(np.abs(weights - before)) < 1e-6:
-            break
-    first = vectors[:, 0]
-    largest = int(np.argmax(np.abs(first) > 0.99 * np.abs(first).max()))
-    spreads = sd_about_median(readings_mps @ vectors[:, :2], axis=0)
-    following = max(float(spreads[1]), float(np.sqrt(values[1])))
-    return Combination(first / first[largest], float(spreads[0]), following)

@@ -1,6 +1,6 @@
 """What the checks of an audit look at: a log with what stands beside it, and what is estimated of both, once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from bottomlock.audit.mounting import Mounting, find_mounting, rows_as_stated
 from bottomlock.audit.robust import Array
 from bottomlock.audit.water import WaterAgreement, water_agreement
 from bottomlock.io.beam_table import WaterTable
-from bottomlock.io.beams import check_beam_count
+from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.support.rising import rising
@@ -95,11 +95,27 @@ class Context:
         return np.zeros(3) if self.stated is None else np.asarray(self.stated.lever_arms_p_m).mean(axis=0)
 
     @cached_property
+    def packaged(self) -> dict[str, "Context"]:
+        """The log with each other packaged geometry of as many beams that it fits."""
+        names = (one for one in packaged_geometries() if one != self.geometry_name)
+        known = {one: read_geometry(one).geometry for one in names}
+        tried = {one: Context(self.log, of, one) for one, of in known.items() if of.beams == self.log.beams}
+        fits = {name: one for name, one in tried.items() if one.assessment.fits}
+        # At rest every order closes alike.
+        return {} if len(fits) == len(tried) > 1 else fits
+
+    @cached_property
     def assessment(self) -> BeamAssessment:
-        """Of the beams; the closure of an instrument that records its error velocity in their place."""
+        """Of the beams; the closure of an instrument that records its error velocity in their place.
+
+        Where nothing is known of the beams, the closures are those of a packaged geometry that fits.
+        """
         log = self.log
         if log.beams:
-            return assess_beams(log, self.whole, self.stated_rows, self.copies)
+            found = assess_beams(log, self.whole, self.stated_rows, self.copies)
+            if found.rows is None and found.full.sum() >= LEAST_PINGS and self.packaged and not self.copies:
+                found = replace(found, closures=next(iter(self.packaged.values())).assessment.closures)
+            return found
         none = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
         if log.error_velocity_mps is not None:
             error = log.error_velocity_mps[np.isfinite(log.error_velocity_mps)]

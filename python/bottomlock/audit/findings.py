@@ -19,10 +19,6 @@ MATERIAL_RAD, MATERIAL_SCALE, MATERIAL_MPS = np.deg2rad(0.5), 0.005, 0.002
 
 LOCK_ADVICE = "Record in the water, with the bottom within the instrument's range."
 FROM_FILE = "Use the geometry file that this audit writes, or correct the column map."
-FREE = (
-    "A unit combination closes to {least:.1f} mm/s, the next best to {following:.1f}. Closure leaves 9 of the 12 "
-    "entries of four beams free: a rotation, mirroring or stretch of the whole closes equally well."
-)
 CLOSES = (
     "Robust closure of a unit combination {plain:.1f} mm/s as stated ({scatter:.1f} about its median), {best:.1f} mm/s "
     "after the change."
@@ -137,18 +133,12 @@ KINDS = {
         "Record longer, with surge, sway and heave of a few decimetres per second.",
     ),
     "beams_alone": Kind(
-        "note", "m/s",
-        "The directions of three beams are not observable without the instrument's velocity or a stated geometry.",
-        "Three beams have no closure.", "State a geometry.",
-    ),
-    "beams_alone/opposite": Kind(
-        "note", "m/s",
-        "The beams close with weights {weights}: of four beams of a Janus those of one sign face each other.", FREE,
-        "Compare with the manufacturer's beam numbering, or state a geometry.",
-    ),
-    "beams_alone/unclear": Kind(
-        "note", "m/s", "The order of the beams is not observable in this log: no combination closes clearly best.",
-        FREE, "Record surge, sway and heave well above the noise, or state a geometry.",
+        "note", "",
+        "Neither order nor directions of the beams are observable without the instrument's velocity or a stated "
+        "geometry.",
+        "No packaged geometry closes clearly better than the others. Closure leaves 9 of the 12 entries of four beams "
+        "free (a rotation, mirroring or stretch of the whole closes equally well), and all of three.",
+        "State a geometry, and record surge, sway and heave well above the noise.",
     ),
     "packaged_geometries": _THIS_IS,
     "another_geometry": replace(_THIS_IS, severity="fault", text="This is {fits}, not {stated}."),

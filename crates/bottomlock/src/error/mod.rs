@@ -5,6 +5,8 @@
 mod checks;
 pub(crate) mod setting;
 
+use std::any::Any;
+
 use thiserror::Error;
 
 pub use self::checks::require_time;
@@ -233,7 +235,7 @@ pub enum NavError {
         last_ns: i64,
     },
     /// A name is unknown.
-    #[error("unknown {what} '{name}', expected one of {expected}")]
+    #[error("unknown {what} '{name}', expected one of {expected}{}", near(name, expected))]
     UnknownName {
         /// Kind of the name, such as "method".
         what: &'static str,
@@ -347,6 +349,8 @@ impl NavError {
             | Self::BadBeam { field, .. }
             | Self::WrongCount { field, .. }
             | Self::Implausible { field, .. } => field,
+            Self::UnknownName { what, .. } => what,
+            Self::Replaced { .. } => "method",
             Self::InRow { source, .. } | Self::InMethod { source, .. } | Self::InRun { source, .. } => source.key(),
             _ => "",
         }
@@ -373,6 +377,21 @@ impl NavError {
             _ => "",
         }
     }
+}
+
+/// The known name that is nearest to an unknown one, in words; nothing where none is alike.
+fn near(name: &str, known: &str) -> String {
+    let known: Vec<&str> = known.split(", ").collect();
+    setting::nearest(name, &known).map_or(String::new(), |near| format!("; did you mean '{near}'?"))
+}
+
+/// The message of a panic, which is a fault of the kernel itself.
+#[must_use]
+pub fn internal(panic: &(dyn Any + Send)) -> String {
+    let words = panic.downcast_ref::<String>().map(String::as_str);
+    let words = words.or_else(|| panic.downcast_ref::<&str>().copied());
+    let words = words.unwrap_or("no words");
+    format!("internal error of the kernel, please report it with the call: {words}")
 }
 
 /// What stands before a part of a message that may be empty.

@@ -126,6 +126,15 @@ pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     (2 * distance(name, near) <= near.len()).then_some(near)
 }
 
+/// Words that follow an unknown name: the nearest known one, or all of them.
+#[must_use]
+pub fn hint(name: &str, known: &[&str]) -> String {
+    match nearest(name, known) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => format!("known: {}", known.join(", ")),
+    }
+}
+
 /// Number of letters to insert, drop or change (Levenshtein), whatever their case.
 fn distance(one: &str, two: &str) -> usize {
     let two: Vec<u8> = two.to_ascii_lowercase().into_bytes();
@@ -155,5 +164,7 @@ mod tests {
         );
         assert_eq!(nearest("gaate", &["gps", "gate", "water"]), Some("gate"));
         assert_eq!((nearest("xyz", &["gps", "gate"]), nearest("x", &[])), (None, None));
+        assert_eq!(hint("gaate", &["gps", "gate", "water"]), "did you mean 'gate'?");
+        assert_eq!(hint("xyz", &["gps", "gate"]), "known: gps, gate");
     }
 }
