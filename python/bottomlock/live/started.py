@@ -22,7 +22,7 @@ from bottomlock.live.estimator import BEAM_SENSORS, Closure
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
-from bottomlock.live.states import Reasons, disagreement
+from bottomlock.live.states import Reasons, contradictions
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -234,12 +234,8 @@ class StartedNavigator:
     @property
     def warnings(self) -> list[str]:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
-        limits = StatesSection()
-        words = disagreement(self._closure.ratio, self._closure.own_ratio, limits)
-        found = [words] if words else []
-        if self._rejected >= limits.rejected_pings:
-            found.append(f"{self._rejected} pings in a row contradict the estimate")
-        return found
+        ratios = self._closure.ratio, self._closure.own_ratio
+        return contradictions(self._rejected, *ratios, StatesSection())
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

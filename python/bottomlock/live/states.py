@@ -88,9 +88,7 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return "UNSAFE", (
             f"velocity is uncertain by {facts.velocity_sd_mps:.2g} m/s, limit {limits.velocity_sd_mps:g} m/s"
         )
-    if facts.rejected >= limits.rejected_pings:
-        return "UNSAFE", f"{facts.rejected} pings in a row contradict the estimate"
-    if words := disagreement(facts.closure_ratio, facts.own_ratio, limits):
+    for words in contradictions(facts.rejected, facts.closure_ratio, facts.own_ratio, limits):
         return "UNSAFE", words
     without_beams: State = "COASTING" if navigating else "UNSAFE"
     if facts.stepped:
@@ -107,26 +105,30 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
     return "OK", "beams determine the whole velocity"
 
 
-def disagreement(closure_ratio: float | None, own_ratio: float | None, limits: StatesSection) -> str:
-    """What the last complete pings show of the geometry and the claimed noise; "" where they fit."""
+def contradictions(
+    rejected: int, closure_ratio: float | None, own_ratio: float | None, limits: StatesSection
+) -> list[str]:
+    """What speaks against the estimate or its beams, a sentence each, the gravest first; empty where they fit.
+
+    Args:
+        rejected: pings in a row that the gate rejected.
+        closure_ratio, own_ratio: of the last complete pings, against one another and the instrument's own velocity.
+        limits: of the states.
+    """
     found: tuple[tuple[float | None, str, str], ...] = (
+        (closure_ratio, "disagree with one another", "raise dvl.beam_noise_mps, or see whether the geometry is"),
         (
-            closure_ratio,
-            "disagree with one another",
-            "raise dvl.beam_noise_mps, or see whether the geometry is",
-        ),
-        (
-            own_ratio,
-            "differ from the instrument's own velocity",
+            own_ratio, "differ from the instrument's own velocity",
             "are dvl.geometry and the order of the beams",
         ),
-    )
-    words = (
+    )  # fmt: skip
+    words = [
         f"beams {of} by {ratio:.2g} times their claimed noise: {advice} this instrument's (bottomlock audit)"
         for ratio, of, advice in found
         if ratio is not None and ratio > limits.closure_ratio
-    )
-    return next(words, "")
+    ]
+    row = [f"{rejected} pings in a row contradict the estimate"] if rejected >= limits.rejected_pings else []
+    return row + words[:1]
 
 
 def _silent(age_ns: int | None, period_ns: int, limits: StatesSection) -> bool:
