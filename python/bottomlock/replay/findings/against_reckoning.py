@@ -12,26 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from scipy.stats import norm
 
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.streams import Floats
-from bottomlock.statistics.chi_squared import each_probability
+from bottomlock.replay.findings.limits import AXES, LIMIT, LOST, TIMES, VAGUE, WORSE
 from bottomlock.tables.replay import FORWARD
 
 TRUSTED = ("tc", "info", "lc", "sway_current", "weak_sway")
 """Methods that claim to be consistent; `ins` has no aid and the others are the paper's."""
-FALSE_ALARM = 1e-4
-TIMES = 20
-AXES = ("north", "east")
-LOST = 10.0
-"""Claimed σ over that of dead reckoning from which a method has no position to speak of."""
-VAGUE = 3.0
-"""The same from which its position is worth less than that of dead reckoning."""
-LIMIT = float(norm.isf(0.5 * (1.0 - each_probability(FALSE_ALARM, TIMES * len(AXES)))))
-"""Largest difference in combined σ that chance explains."""
-WORSE = 1.25
-"""RMS of the position over that of dead reckoning from which a method is worse."""
 
 
 @dataclass(frozen=True)

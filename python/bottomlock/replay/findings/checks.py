@@ -9,13 +9,12 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
+from bottomlock.replay.findings.limits import SMALL_CLAIM, WRONG_CLAIM
 from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
 NEAR_S = 3.0
-SMALL_CLAIM, WRONG_CLAIM = 1.5, 2.5
-"""Measured over claimed noise from which the claim is a warning, and a fault."""
 
 
 def order_finding(streams: Streams) -> Finding | None:

@@ -25,12 +25,13 @@ from bottomlock.replay.findings.attitude_checks import (
     attitude_turns,
     heading_findings,
 )
+from bottomlock.replay.findings.evidence import Evidence, against_reference
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import fits, track_finding
-from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
+from bottomlock.replay.findings.trust import Answer, answer_of
 from bottomlock.replay.findings.verdict import (
     ABSORBED,
     WRONG,

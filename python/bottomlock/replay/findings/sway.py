@@ -6,13 +6,12 @@ import numpy as np
 
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
+from bottomlock.replay.findings.limits import SLIP_FACTOR
 from bottomlock.replay.reckon import whole_velocities
 from bottomlock.replay.rerun import PreparedRun
 
 FEWEST = 100
 """Complete pings from which the sway is known."""
-SLIP_FACTOR = 2.0
-"""Sway over the assumed one up to which the assumption holds."""
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,8 @@ from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.recordings.track_fit import TrackFit, fit_track
 from bottomlock.replay.case import Case
+from bottomlock.replay.findings.limits import TURNED_SIGMAS
 from bottomlock.replay.streams import Streams
-
-CLAIMED = 2.5
-"""Rotation of a track over the claimed slow error of the heading up to which that explains it: 1 in 80."""
 
 
 def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[TrackFit]:
@@ -33,7 +31,7 @@ def track_finding(case: Case, track: list[TrackFit], reckoned: list[TrackFit]) -
         track: of the method.
         reckoned: of dead reckoning; empty without one.
     """
-    claimed_rad = CLAIMED * _claimed_yaw_rad(case)
+    claimed_rad = TURNED_SIGMAS * _claimed_yaw_rad(case)
     for k, one in enumerate(track):
         beside = reckoned[k] if k < len(reckoned) else None
         if (beside or one).unlike:

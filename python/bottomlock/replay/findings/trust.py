@@ -1,20 +1,15 @@
 """Can this be trusted? One answer from the findings: yes, partly or no, with the numbers that decide it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-import numpy as np
-import polars as pl
-
-from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
-from bottomlock.replay.findings.against_reckoning import AXES, TRUSTED, VAGUE, Agreement, metres
-from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
-from bottomlock.replay.findings.sway import Sway
-from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
-from bottomlock.tables.replay import FORWARD
+from bottomlock.replay.findings.against_reckoning import metres
+from bottomlock.replay.findings.evidence import Evidence, recommended
+from bottomlock.replay.findings.limits import NEAR_SIGMAS, REFERENCE_SIGMAS, VAGUE
+from bottomlock.replay.findings.verdict import ABSORBED, WRONG
 
 OF_FILTERS_ALONE = {
     "gyro_unit", "gyro_sign", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign",
@@ -25,53 +20,6 @@ OF_FILTERS_ALONE = {
 OF_DEPTH = {"depth_sign", "depth_scale"}
 """Causes that a horizontal track does not show."""
 NOTHING = "Nothing."
-FREE = "ins"
-"""Free inertial navigation, the comparison without a DVL."""
-PARTIAL = 0.1
-"""Part of the pings with fewer than three beams from which an assumption on the sway helps."""
-REJECTED = 0.1
-"""Part of a sensor's readings whose rejection is a doubt: right dives of tests/dive.py have 0.02 at most, St Pere,
-A-KIT, BlueROV2 and the boat 0.01; the glider's depth, which its surfacings contradict, 0.26 (`tools.first_line`)."""
-FEWEST_READINGS = 20
-SLOW_SIGMAS = 4.0
-"""Slow error of a sensor, in σ of what the case states, that is a doubt: 2.5 at most on those dives, 1.7 on right
-recordings; depths that jump, or are pressures, have 6 and more."""
-NEAR_SIGMAS = 1.0
-"""Distance from dead reckoning, in σ of both, up to which a mistake has not moved the track: dives of St Pere and of
-tests/dive.py whose track is right have 1.1 at most, planted mistakes that move it 1.6 or more (`tools.first_line`)."""
-REFERENCE_SIGMAS = 2.5
-"""Distance from the reference at the end, in σ of both, up to which it agrees: 1 in 500 right tracks is beyond."""
-REFERENCE_RMS_SIGMAS = 2.0
-"""The same of the RMS over time, whose errors last: 1 in 50."""
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A method's horizontal position against the reference.
-
-    Attributes:
-        method: whose.
-        end_m: distance at the end.
-        end_sigmas: the same over the root of the sum of the squares of both σ.
-        rms_sigmas: RMS of the error over claimed σ.
-    """
-
-    method: str
-    end_m: float
-    end_sigmas: float
-    rms_sigmas: float
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the claims of both explain the distance."""
-        return self.end_sigmas <= REFERENCE_SIGMAS and self.rms_sigmas <= REFERENCE_RMS_SIGMAS
-
-    def words(self) -> str:
-        """The comparison in one sentence."""
-        return (
-            f"Reference: {self.method} is {metres(self.end_m)} off at the end, {self.end_sigmas:.1f} times what both "
-            f"claim; error over claimed σ {self.rms_sigmas:.2g} RMS, horizontally."
-        )
 
 
 @dataclass(frozen=True)
@@ -97,78 +45,6 @@ class Answer:
     def to_json(self) -> dict[str, Any]:
         """The answer in the types of JSON."""
         return asdict(self) | {"numbers": list(self.numbers)}
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What an answer is made of.
-
-    Attributes:
-        verdict: the first finding, and its state.
-        causes: the likely causes, the likeliest first.
-        further: findings after them.
-        seen: innovations; None without a fix.
-        closure: what beams left out show, in a sentence; "" without redundant beams.
-        agreements: of the trusted methods with dead reckoning.
-        reckoned: whether there is dead reckoning.
-        aided: whether the recorded attitude aids the filters.
-        reference: the method against the reference; None without positions.
-        sway: as measured.
-        partial: part of the pings with fewer than three beams.
-        methods: filters of the case.
-        sensors: what they made of each sensor.
-        sd_m: claimed σ of the horizontal position at the end, of each method.
-        way_m: distance travelled, by dead reckoning where there is one.
-        reach_m: greatest distance of the track from its start.
-        geometry_open: whether the geometry of recorded beams is a guess.
-        heading_open: whether the recorded heading may be magnetic or true.
-    """
-
-    verdict: Finding
-    state: str
-    causes: Sequence[Finding]
-    further: Sequence[Finding]
-    seen: Innovations | None
-    closure: str
-    agreements: Sequence[Agreement]
-    reckoned: bool
-    aided: bool
-    reference: Reference | None
-    sway: Sway | None
-    partial: float
-    methods: Sequence[str]
-    sensors: Sequence[SensorRow]
-    sd_m: Mapping[str, float]
-    way_m: float
-    reach_m: float
-    geometry_open: bool
-    heading_open: bool = False
-
-    @property
-    def judged(self) -> Agreement | None:
-        """Agreement of the method to take, or else of the one that stands for all; None without dead reckoning."""
-        taken = recommended(self)
-        return next(
-            (one for one in self.agreements if one.method == taken), next(iter(self.agreements), None)
-        )
-
-    @property
-    def taken(self) -> str:
-        """The method that is judged, or where there is no dead reckoning the one to take."""
-        return recommended(self) if self.judged is None else self.judged.method
-
-    @property
-    def sd_taken_m(self) -> float:
-        """Claimed σ at the end of that method; 0 where there is none."""
-        return self.sd_m.get(self.taken, 0.0)
-
-    @property
-    def doubted(self) -> SensorRow | None:
-        """The sensor beside the beams that contradicts that method most; None without one."""
-        rows = [one for one in self.sensors if one.method == self.taken and one.sensor not in ASSUMED]
-        rows = [one for one in rows if one.measured >= FEWEST_READINGS]
-        doubted = [one for one in rows if one.rejected_part > REJECTED or one.slow_error > SLOW_SIGMAS]
-        return max(doubted, key=lambda one: (one.rejected_part, one.slow_error), default=None)
 
 
 @dataclass(frozen=True)
@@ -320,23 +196,6 @@ def _refuted(evidence: Evidence) -> bool:
     return worse and any(one.kind == "claims" for one in evidence.further)
 
 
-def recommended(evidence: Evidence) -> str:
-    """The filter that fits vehicle and beams, of those that stay with dead reckoning.
-
-    An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
-    What the reference shows to be worse than dead reckoning comes last. The free inertial navigation is none of them.
-    """
-    astray = {FREE} | {
-        one.method for one in evidence.agreements if one.leaves or one.lost or one.worse or one.vague
-    }
-    beaten = {one.method for one in evidence.agreements if one.beaten}
-    slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
-    order = (RECOMMENDED_METHOD, *TRUSTED) if slender else TRUSTED
-    usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
-    usable.sort(key=lambda one: one in beaten)
-    return usable[0] if usable else METHOD if evidence.reckoned else ""
-
-
 def _innovations(evidence: Evidence) -> str:
     parts = [] if evidence.seen is None else [evidence.seen.words()]
     return " ".join([*parts, *([evidence.closure] if evidence.closure else [])])
@@ -345,25 +204,3 @@ def _innovations(evidence: Evidence) -> str:
 def _agreement(evidence: Evidence) -> str:
     parts = [one.words() for one in evidence.agreements[:1]]
     return " ".join([*parts, *([] if evidence.reference is None else [evidence.reference.words()])])
-
-
-def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float) -> Reference | None:
-    """A method against the reference, horizontally; None without positions.
-
-    Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
-        method: whose.
-        reference_sd_m: 1 sigma of the reference along an axis.
-    """
-    rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
-    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in AXES))
-    if known.is_empty():
-        return None
-    errors = known.select(f"err_position_{axis}_m" for axis in AXES).to_numpy()
-    sd = known.select(f"sd_position_{axis}_m" for axis in AXES).to_numpy()
-    end_m, both_m = (
-        np.linalg.norm(errors[-1]),
-        np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
-    )
-    rms = np.sqrt(np.mean((errors / sd) ** 2))
-    return Reference(method, float(end_m), float(end_m / both_m), float(rms))

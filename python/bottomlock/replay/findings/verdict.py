@@ -14,14 +14,17 @@ from bottomlock.kernel.models import Environment, Robust
 from bottomlock.recordings.finding import Finding, Severity
 from bottomlock.recordings.robust import correlation_rows
 from bottomlock.replay.findings.against_reckoning import Agreement, metres
+from bottomlock.replay.findings.limits import (
+    HIGH_RATIO,
+    MANY_REJECTED,
+    PROBABILITY,
+    WRONG_RATIO,
+    WRONG_REJECTED,
+)
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
 from bottomlock.tables.replay import FORWARD
 
 ABSORBED, WRONG = "absorbed", "wrong"
-PROBABILITY = 0.9999
-WRONG_REJECTED, MANY_REJECTED = 0.15, 0.04
-WRONG_RATIO, HIGH_RATIO = 2.5, 1.5
-"""NIS over its degrees: a little too small a noise gives up to the second; beyond the first the filter is wrong."""
 PREFERRED = ("tc", "lc")
 
 
