@@ -5,6 +5,7 @@ readers.
 """
 
 import json
+import math
 import struct
 from collections.abc import Sequence
 
@@ -24,6 +25,14 @@ DVKFC = (
     b"[B],60,1000,0.500000,3.450820,0.000000,6.283185,[C],60,1000,0.500000,3.839504,0.000000,6.283185,0x0055AAFF*2A\r\n"
 )
 """The maker's documented example."""
+DVEXT = (
+    b"$DVPDL,160401000,100000,0.000000,-0.000000,-0.000000,0.000,-0.000,-0.000,0*55\r\n"
+    b"$DVEXT,F,X,3330,-1.8,2.4,259.5,-1175,0.000,0.00,-0.000,0.000,0.000000000,0.000000000,0.100,0.091711,0.019853,"
+    b"0.017436,-0.995435,25,25,25,25,F,F,F,F,0.0000,0.0000,0.0000,0.0000,-1.000,-1.000,-1.000,-1.000,*54\r\n"
+    b"$DVEXT,T,X,0310,89.9,69.3,290.9,0,-0.067,0.35,-0.144,0.295,-0.000427010,0.001465353,0.050,0.500257,-0.290460,"
+    b"0.644365,0.500170,19,19,48,25,T,T,F,T,-0.0086,-0.0169,0.0000,-0.0608,0.371,0.391,-1.000,0.371,*65\r\n"
+)
+"""Sentences of a DVL-75, as two public programs hold them."""
 PNORBT0 = b"$PNORBT0,1,040721,131335.3341,23.961,-48.122,-32.76800,10.00000,0.00,0x00000000*48\r\n"
 """A recorded example, of a beam without bottom."""
 
@@ -201,6 +210,55 @@ def nucleus(step: int = 0, *, status: int = 0x7FFF, velocity: Sequence[float] = 
     return head + struct.pack("<23f", *numbers, 1.0, -0.5, 0.25, 0.011, 0.012, 0.013, 0.005, 0.02)
 
 
+NUCLEUS_COLUMNS = (
+    "sizeHeader", "id", "family", "flags.posixTime", "timeStamp", "microSeconds", "timestampPython",
+    *(f"status.beam{k}{what}Valid" for what in ("Velocity", "Distance", "Fom") for k in (1, 2, 3)),
+    *(f"status.{axis}{what}Valid" for what in ("Velocity", "Fom") for axis in "xyz"),
+    "serialNumber", "soundSpeed",
+    *(f"{what}Beam{k}" for what in ("velocity", "distance", "fom", "dt", "timeVel") for k in (1, 2, 3)),
+    "velocityX", "velocityY", "velocityZ", "fomX", "fomY", "fomZ", "dtXYZ", "string",
+)  # fmt: skip
+"""Of the driver's log, those that a bottom track fills."""
+
+
+def nucleus_csv(kinds: Sequence[tuple[int, int]], velocities: Sequence[Sequence[float]] = ()) -> bytes:
+    """Rows of Nortek's driver of packets of some ids and states, with the numbers of `nucleus`."""
+    lines = [",".join(NUCLEUS_COLUMNS)]
+    for step, (kind, status) in enumerate(kinds):
+        content = nucleus(step, status=status, velocity=velocities[step] if velocities else (0.1, 0.2, 0.3))
+        seconds, micros = struct.unpack_from("<2I", content, 4)
+        numbers = struct.unpack_from("<21f", content, 36)
+        row = dict.fromkeys(NUCLEUS_COLUMNS, "")
+        row |= {"sizeHeader": "10", "id": str(kind), "family": "32", "flags.posixTime": "True"}
+        row |= {"timeStamp": str(seconds), "microSeconds": str(micros), "timestampPython": f"{seconds + 1}.5"}
+        if kind in {0xB4, 0xBE}:
+            flags = [name for name in NUCLEUS_COLUMNS if name.startswith("status.")]
+            row |= {name: str(bool(status >> k & 1)) for k, name in enumerate(flags)}
+            values = NUCLEUS_COLUMNS[NUCLEUS_COLUMNS.index("velocityBeam1") : NUCLEUS_COLUMNS.index("dtXYZ")]
+            row |= {name: repr(value) for name, value in zip(values, numbers, strict=True)}
+            row["soundSpeed"] = "1500.0"
+        lines.append(",".join(row.values()))
+    return "\r\n".join(lines).encode() + b"\r\n"
+
+
+def wayfinder(
+    step: int = 0,
+    *,
+    velocity: Sequence[float] = (0.1, -0.2, 0.3, -0.4),
+    ranges: Sequence[float] = (10.0, 10.1, 10.2, 10.3),
+    coordinates: int = 0,
+    kind: int = 5,
+) -> bytes:
+    """A packet of a Wayfinder: 20 s after a minute of 2021 and `step` tenths of a second."""
+    content = bytearray(87)
+    struct.pack_into("<BBI6B", content, 0, 0xAA, 0x11, 87, 76, 0, 1, 2, 3, 4)
+    struct.pack_into("<6BHB", content, 12, 21, 5, 1, 12, 30, 20 + step // 10, 100 * (step % 10), coordinates)
+    struct.pack_into("<10fH", content, 21, *velocity, *ranges, 10.15, 1500.0, 0)
+    struct.pack_into("<H", content, 85, sum(content[:85]) & 0xFFFF)
+    packet = struct.pack("<3BH", 0xAA, 0x10, 0x01, 98) + struct.pack("<BBH", 2, kind, 91) + bytes(content)
+    return packet + struct.pack("<H", sum(packet) & 0xFFFF)
+
+
 def pnorbt(beam: int, *, tagged: bool, velocity: float = 0.25, second: float = 35.3341) -> bytes:
     """A Nortek beam line, plain or tagged."""
     values = (
@@ -249,6 +307,12 @@ def seeds() -> dict[str, list[bytes]]:
             PNORBT0,
             b"".join(pnorbt(k, tagged=False) for k in range(1, 5)),
             b"".join(pnorbt(k, tagged=True) for k in range(1, 4)),
+        ],
+        "cerulean-dvext": [DVEXT, DVEXT + DVEXT],
+        "nucleus-csv": [nucleus_csv([(0xB4, 0x7FFF), (0xD2, 0), (0xB4, 0x7FFB), (0xBE, 0x7FFF)])],
+        "wayfinder": [
+            wayfinder() + wayfinder(1, velocity=(0.1, math.nan, 0.3, 0.4)),
+            wayfinder(coordinates=1) + wayfinder(1, kind=4),
         ],
         "cerulean-dvkfc": [DVKFC, DVKFC + nmea(b"DVPDL,373550,1000,200000,0,0,0,0,0,0,0")],
         "linkquest-csv": [linkquest_log()],

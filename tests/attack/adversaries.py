@@ -48,6 +48,13 @@ ADVERSARIES: dict[str, list[bytes]] = {
     "waterlinked-serial": [b"wrz," * 250_000, b"wrz,1\n" * 150_000, (b"wr" * 2_000 + b"\n") * 200],
     "nortek-ascii": [b"$PNOR," * 160_000, (b"$PNOR," * 600 + b"\n") * 250],
     "cerulean-dvkfc": [b"$DVKFC," * 140_000, (b"$DVKF" * 800 + b"\n") * 250],
+    "cerulean-dvext": [b"$DVEXT," * 140_000, (b"$DVEX" * 800 + b"\n") * 250],
+    "nucleus-csv": [seeds.nucleus_csv([]) + b"," * 1_000_000, seeds.nucleus_csv([]) + b"1,\n" * 300_000],
+    "wayfinder": [
+        b"\xaa\x10\x01" * 330_000,
+        b"\xaa\x10\x01\x00\x10" * 200_000,
+        b"\xaa\x10\x01\x07\x00" * 200_000,
+    ],
     "linkquest-csv": [seeds.linkquest_log() + b"," * 1_000_000, seeds.linkquest_log() + b"1,\n" * 300_000],
 }
 """By name of format."""

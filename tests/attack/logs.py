@@ -117,6 +117,34 @@ def cerulean(numbers: Numbers) -> Log:
     return Log(tuple(lines))
 
 
+def cerulean_dvl75(numbers: Numbers) -> Log:
+    """A sentence a ping; no sum of some of the intervals is that of others."""
+    lines = []
+    for j in range(PINGS):
+        v, r = (
+            ",".join(f"{one:.4f}" for one in drawn) for drawn in (numbers.velocities(4), numbers.ranges(4))
+        )
+        north, east, up = numbers.velocities(3)
+        head = f"DVEXT,T,X,3333,1.0,2.0,3.0,0,{-up:.4f},5.00,{north:.4f},{east:.4f},0.0,0.0,{2**j / 1000}"
+        lines.append(seeds.nmea(f"{head},1,0,0,0,19,19,48,25,T,T,T,T,{v},{r},".encode()))
+    return Log(tuple(lines))
+
+
+def nucleus_csv(numbers: Numbers) -> Log:
+    """Rows of Nortek's driver, without checksum."""
+    velocities = [numbers.velocities(3) for _ in range(PINGS)]
+    header, *rows = seeds.nucleus_csv([(0xB4, 0x7FFF)] * PINGS, velocities).splitlines(keepends=True)
+    return Log((header, *rows), kept=1, checksum=False)
+
+
+def wayfinder(numbers: Numbers) -> Log:
+    """A packet a ping."""
+    packets = [
+        seeds.wayfinder(j, velocity=numbers.velocities(4), ranges=numbers.ranges(4)) for j in range(PINGS)
+    ]
+    return Log(tuple(packets), length_at=3)
+
+
 def linkquest(numbers: Numbers) -> Log:
     """Lines of a ROS log without checksum."""
     header, *_ = seeds.linkquest_log(1).splitlines(keepends=True)
@@ -174,6 +202,9 @@ BUILDERS: dict[str, Callable[[Numbers], Log]] = {
     "waterlinked-json": waterlinked_json,
     "nortek-ascii": nortek_ascii,
     "cerulean-dvkfc": cerulean,
+    "cerulean-dvext": cerulean_dvl75,
+    "nucleus-csv": nucleus_csv,
+    "wayfinder": wayfinder,
     "linkquest-csv": linkquest,
     "pd0": pd0,
     "nortek-dvl": nortek_dvl,

@@ -1,5 +1,6 @@
 """Readers of binary records: layouts by hand, checksums, damaged files, signs."""
 
+import datetime as dt
 import math
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
-from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0
+from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0, wayfinder
 from bottomlock.io.beam_table import Account
 from bottomlock.io.nortek_frames import frames
 from bottomlock.io.rows import Options
@@ -192,3 +193,31 @@ def test_pd0_of_the_other_leaders() -> None:
     body[first], body[first + 59] = 1, 0x81
     table = pd0.FORMAT.read(bytes(body) + (sum(body) & 0xFFFF).to_bytes(2, "little"), "log").table
     np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.25, -0.25]])
+
+
+def test_wayfinder() -> None:
+    """The structure of the maker's driver: beams with a lost one, kinds passed by, other coordinates, both sums."""
+    log = (
+        seeds.wayfinder()
+        + seeds.wayfinder(3, velocity=(0.1, math.nan, 0.3, 0.4))
+        + seeds.wayfinder(4, kind=4)
+    )
+    recording = wayfinder.FORMAT.read(b"OK" + log, "log")
+    table = recording.table
+    assert recording.account.other["packet without data"].count == 1
+    assert table.valid.tolist() == [[True] * 4, [True, False, True, True]]
+    np.testing.assert_allclose(table.velocity_mps[0], [0.1, -0.2, 0.3, -0.4], rtol=1e-6)
+    np.testing.assert_allclose(table.range_m[1], [10.0, 10.1, 10.2, 10.3], rtol=1e-6)
+    assert np.diff(table.time_ns).tolist() == [300_000_000]
+    assert dt.datetime.fromtimestamp(table.time_ns[0] / 1e9, dt.UTC) == dt.datetime(
+        2021, 5, 1, 12, 30, 20, tzinfo=dt.UTC
+    )
+    axes = seeds.wayfinder(coordinates=1)
+    with pytest.raises(DataError, match="no beam velocities"):
+        wayfinder.FORMAT.read(axes, "log")
+    own = wayfinder.FORMAT.read(axes, "log", Options(instrument_only=True))
+    assert (own.table.beams, own.frame) == (0, "instrument")
+    np.testing.assert_allclose(own.table.instrument_mps, [[0.1, -0.2, 0.3]], rtol=1e-6)
+    damaged = bytearray(log)
+    damaged[40] ^= 1
+    assert wayfinder.FORMAT.read(bytes(damaged), "log").account.skipped["bad checksum"].count == 1

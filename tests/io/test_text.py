@@ -9,7 +9,15 @@ import pytest
 
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
-from bottomlock.io import cerulean, linkquest, nortek_ascii, waterlinked_json, waterlinked_serial
+from bottomlock.io import (
+    cerulean,
+    linkquest,
+    nortek_ascii,
+    nucleus,
+    nucleus_csv,
+    waterlinked_json,
+    waterlinked_serial,
+)
 from bottomlock.io.formats import read_recording
 from bottomlock.io.rows import Options
 from tests.dive import drawn_dive, dvl_bytes, tables
@@ -167,6 +175,105 @@ def test_pnorbt_missing_line() -> None:
     assert recording.table.valid.tolist() == [[True] * 4, [True, False, True, True]]
     assert recording.account.skipped["bad checksum"].first == 6
     assert recording.account.flagged["beam line missing"].first == 5
+
+
+# pynmea2's examples of `$PNORBT7` and `$PNORBT9`; the tagged `$PNORBT8` as okmr's driver reads it.
+OF_AXES = (
+    b"$PNORBT7,1452244916.7508,1.234,-1.234,0.1234,0.1234,0.1234,12.34,23.45,23.45,23.45,23.45*39\r\n",
+    (
+        b"$PNORBT9,1452244916.7508,1.234,-1.234,0.1234,0.1234,0.1234,12.34,23.45,23.45,23.45,23.45,23.4,1567.8,1.2,"
+        b"12.3,0x000FFFFF*1E\r\n"
+    ),
+    seeds.nmea(
+        b"PNORBT8,TIME=1452244917.25,DT1=1.0,DT2=-1.0,VX=0.5,VY=-0.25,VZ=0.125,FOM=0.01,D1=2.0,D2=3.0,D3=0.0,"
+        b"D4=4.0,BATT=23.4,SS=1500.0,PRESS=1.2,TEMP=12.3,STAT=0x000FFFFF"
+    ),
+)
+
+
+def test_pnorbt_velocities_without_beams() -> None:
+    """Rejected with advice; asked for, they are velocities alone, and one with a figure of merit of 10 is invalid."""
+    log = b"".join(OF_AXES)
+    with pytest.raises(DataError, match=r"no beams.*DF350 or DF351"):
+        nortek_ascii.FORMAT.read(log, "log")
+    recording = nortek_ascii.FORMAT.read(log, "log", Options(instrument_only=True))
+    table = recording.table
+    assert (table.rows, table.beams, recording.frame) == (2, 0, "instrument")
+    assert table.time_ns.tolist() == [1_452_244_916_750_800_000, 1_452_244_917_250_000_000]
+    assert table.instrument_valid.tolist() == [0, 1]
+    assert table.instrument_mps[1].tolist() == [0.5, -0.25, 0.125]
+    assert table.extra["altitude_m"].tolist() == [23.45, 3.0]
+    beams = b"".join(seeds.pnorbt(k, tagged=False) for k in range(1, 5))
+    mixed = nortek_ascii.FORMAT.read(beams + log, "log")
+    assert mixed.table.beams == 4
+    assert mixed.account.other["velocity without beams"].count == 3
+
+
+@pytest.mark.parametrize(
+    "capture",
+    [
+        "2026-01-02 03:04:05.678 {}",
+        "< {}",
+        "[12:00:01] {}",
+        "data: '{}'",
+        'data: "{}"',
+        "ws://192.168.194.95: {}",
+    ],
+)
+def test_captures_of_json(capture: str) -> None:
+    """What a WebSocket's log or an echo of `std_msgs/String` writes around a report is none of its damage."""
+    reports = [seeds.a50_report(k, version="json_v3").strip().decode() for k in range(3)]
+    quoted = capture.endswith('"')
+    shown = [json.dumps(one)[1:-1] if quoted else one for one in reports]
+    log = "\n---\n".join(capture.replace("{}", one) for one in shown).encode()
+    assert waterlinked_json.FORMAT.sniff(log)
+    plain = waterlinked_json.FORMAT.read("\n".join(reports).encode(), "log")
+    recording = waterlinked_json.FORMAT.read(log, "log")
+    assert not recording.account.skipped
+    assert recording.account.other["end of a message"].count == 2
+    np.testing.assert_array_equal(recording.table.velocity_mps, plain.table.velocity_mps)
+    assert recording.table.time_ns.tolist() == plain.table.time_ns.tolist()
+
+
+def test_dvext_recorded_example() -> None:
+    """Sentences that a DVL-75 sent: without lock, and with one channel lost."""
+    recording = cerulean.DVL75.read(seeds.DVEXT, "log")
+    table = recording.table
+    assert not recording.account.skipped
+    assert table.valid.tolist() == [[False] * 4, [True, True, False, True]]
+    assert table.velocity_mps[1].tolist() == [-0.0086, -0.0169, 0.0, -0.0608]
+    np.testing.assert_array_equal(table.range_m, [[math.nan] * 4, [0.371, 0.391, math.nan, 0.371]])
+    assert table.time_ns.tolist() == [100_000_000, 150_000_000]
+    assert table.instrument_valid.tolist() == [0, 1]
+    assert table.instrument_mps[1].tolist() == [-0.144, 0.295, 0.067]
+    assert recording.frame == "ned"
+    assert table.extra["altitude_m"][1] == 0.35
+    assert math.degrees(table.extra["heading_rad"][1]) == pytest.approx(290.9)
+
+
+def test_nucleus_csv_is_the_binary_log() -> None:
+    """Rows that Nortek's driver writes of packets read as the packets do."""
+    binary = b"".join(framing.nortek_frame(kind, seeds.nucleus(k, status=status), 0x20)
+                      for k, (kind, status) in enumerate([(0xB4, 0x7FFF), (0xB4, 0x7FFE), (0xBE, 0x7FFF)]))  # fmt: skip
+    log = seeds.nucleus_csv([(0xB4, 0x7FFF), (0xB4, 0x7FFE), (0xBE, 0x7FFF), (0xD2, 0)])
+    from_csv, plain = nucleus_csv.FORMAT.read(log, "log"), nucleus.FORMAT.read(binary, "log")
+    assert from_csv.clock == plain.clock
+    assert from_csv.account.other["AHRS"].count == 1
+    for name in (
+        "time_ns",
+        "valid",
+        "range_m",
+        "sd_mps",
+        "instrument_valid",
+        "instrument_mps",
+        "velocity_mps",
+    ):
+        np.testing.assert_array_equal(getattr(from_csv.table, name), getattr(plain.table, name), err_msg=name)
+    assert from_csv.table.extra.keys() == plain.table.extra.keys()
+    assert from_csv.water is not None
+    assert plain.water is not None
+    np.testing.assert_allclose(from_csv.water.range_m, plain.water.range_m)
+    np.testing.assert_array_equal(from_csv.water.velocity_mps, plain.water.velocity_mps)
 
 
 def test_dvkfc_documented_example() -> None:

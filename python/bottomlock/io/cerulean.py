@@ -1,10 +1,15 @@
-"""Cerulean Tracker 650: `$DVKFC`, three cones A, B, C with velocity, range and confidences.
+"""Cerulean: `$DVKFC` of the Tracker 650, three cones A, B, C, and `$DVEXT` of the DVL-75, four channels A to D.
 
-A positive velocity approaches the bottom (manufacturer's definition), as in our beam model. The sentence ends with a
-fixed mark and a checksum whose rule is not published: the published example fits CRC-8 (0x31), other sentences of the
-manufacturer the NMEA exclusive or. Either is accepted.
+A positive velocity of a cone approaches the bottom (manufacturer's definition), as in our beam model. `$DVKFC` ends
+with a fixed mark and a checksum whose rule is not published: the published example fits CRC-8 (0x31), other sentences
+of the manufacturer the NMEA exclusive or. Either is accepted.
+
+`$DVEXT` states no clock, but the time since the sentence before, and the sign of its channels nowhere.
+
+Source: Cerulean Sonar, "$DVKFC Kalman Filter Raw Data Support Message" and "$DVEXT: DVL Extended Data".
 """
 
+import math
 from dataclasses import replace
 
 from bottomlock.io.beam_table import Recording
@@ -71,4 +76,67 @@ class _Decoder(SentenceDecoder):
         )
 
 
+_CHANNELS, _MOST_INTERVAL_S = 4, 1000.0
+_SECONDS, _LOCKS, _LAST = 14, slice(23, 27), 35
+
+
+class _Dvl75(SentenceDecoder):
+    """The channels of every `$DVEXT`."""
+
+    form = SentenceDecoder.pattern(rb"DV[A-Z]{2,4}", 600)
+    wanted = (b"DVEXT",)
+    frame = "ned"
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._sum_ns = 0
+
+    def sentence(self, position: int, text: bytes) -> None:
+        """Takes a `$DVEXT`; without the bottom its numbers may be anything."""
+        fields = text.split(b",")
+        flags = [fields[1], *fields[_LOCKS]]
+        numbers = [v for one in (*fields[4:23], *fields[27:_LAST]) if (v := number(one)) is not None]
+        if len(fields) != _LAST + 1 or len(numbers) < 27 or not set(flags) <= {b"T", b"F"}:
+            self.account.skip("sentence with wrong fields", position, text)
+            return
+        roll, pitch, heading, _, up, altitude, north, east, _, _, interval_s = numbers[:11]
+        if not 0.0 <= interval_s < _MOST_INTERVAL_S:
+            self.account.skip("no interval since the last sentence", position, text)
+            return
+        self._sum_ns += round(interval_s * 1e9)
+        locked, *locks = (flag == b"T" for flag in flags)
+        row = Row(
+            position=position,
+            time_ns=self._sum_ns,
+            velocity=numbers[19:23],
+            valid=[locked and one for one in locks],
+            range_m=[one if one > 0.0 else NAN for one in numbers[23:]],
+            instrument=[north, east, -up],
+            verdict=int(locked),
+            extra={
+                "altitude_m": altitude if locked and altitude > 0.0 else NAN,
+                "heading_rad": math.radians(heading),
+                "pitch_rad": math.radians(pitch),
+                "roll_rad": math.radians(roll),
+            },
+        )
+        self.rows.append(row)
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`."""
+        return replace(
+            self.tables("$DVEXT sentence", _CHANNELS),
+            clock="sum of intervals",
+            corrected=["velocity up of the instrument negated to one down"],
+            resolution_mps=1e-4,
+            notes=[
+                "the sentences carry no clock: time is the sum of their intervals, and starts at zero",
+                "the instrument's own velocity is north, east, down by its own attitude",
+                "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it",
+            ],
+        )
+
+
 FORMAT = Format("cerulean-dvkfc", "Cerulean Tracker 650 $DVKFC", lambda head: b"$DVKFC," in head, _Decoder)
+DVL75 = Format("cerulean-dvext", "Cerulean DVL-75 $DVEXT", lambda head: b"$DVEXT," in head, _Dvl75)

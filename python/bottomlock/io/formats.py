@@ -23,6 +23,7 @@ from bottomlock.io import (
     nortek_ascii,
     nortek_dvl,
     nucleus,
+    nucleus_csv,
     pd0,
     ros,
     ros_waterlinked,
@@ -30,6 +31,7 @@ from bottomlock.io import (
     tlog,
     waterlinked_json,
     waterlinked_serial,
+    wayfinder,
 )
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.log_stream import velocities_recording
@@ -66,13 +68,16 @@ def _autopilot(module: Any, title: str, sniff: Callable[[bytes], bool]) -> PathF
 # From the most to the least specific mark: the first match is used. Nucleus before AD2CP: both begin with A5 records.
 BYTES = (
     linkquest.FORMAT,
+    nucleus_csv.FORMAT,
     nortek_ascii.FORMAT,
     cerulean.FORMAT,
+    cerulean.DVL75,
     waterlinked_json.FORMAT,
     waterlinked_serial.FORMAT,
     nucleus.FORMAT,
     nortek_dvl.FORMAT,
     nortek_ad2cp.FORMAT,
+    wayfinder.FORMAT,
     pd0.FORMAT,
 )
 PATHS = (

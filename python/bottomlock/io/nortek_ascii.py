@@ -2,12 +2,18 @@
 
 BV is the beam's velocity (-32.768 invalid), FOM its figure of merit (10 invalid), DIST the vertical distance (0
 invalid), DT1 the milliseconds from the trigger to the echo's centre.
+
+`$PNORBT6` to `$PNORBT9` (DF356 to DF359, the even ones tagged) hold the velocity along the instrument's axes and the
+distances of four beams, whose velocities they do not have.
+
+Source: Nortek, DVL manual; fields of `$PNORBT6` to `$PNORBT9` as in Knio/pynmea2, types/proprietary/nor.py.
 """
 
 import datetime as dt
 import math
 from dataclasses import replace
 
+from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.decoder import Format, Row, SentenceDecoder
 from bottomlock.io.rows import NAN
@@ -19,13 +25,17 @@ TILT_RAD = math.radians(25.0)
 """Tilt of Nortek's DVL500 and DVL1000, to turn a vertical distance into one along the beam."""
 _TAGS = (b"BEAM", b"DATE", b"TIME", b"DT1", b"DT2", b"BV", b"FOM", b"DIST", b"STAT")
 _BEAM, _DATE, _TIME, _DT1, _BV, _FOM, _DIST = 0, 1, 2, 3, 5, 6, 7
+_AXES_TAGS = (b"TIME", b"DT1", b"DT2", b"VX", b"VY", b"VZ", b"FOM", b"D1", b"D2", b"D3", b"D4")
+_OF_AXES = (b"PNORBT6", b"PNORBT7", b"PNORBT8", b"PNORBT9")
 _EPOCH = dt.datetime(1970, 1, 1)  # noqa: DTZ001 - as the times, without a zone
 
 
-def _untag(fields: list[bytes]) -> list[bytes] | None:
-    """Values in the order of DF351, from the tagged form; None where a tag is missing or out of place."""
+def _untagged(fields: list[bytes], tags: tuple[bytes, ...]) -> list[bytes] | None:
+    """Values in the order of the tags, from either form; None where one is missing or out of place."""
+    if len(fields) != len(tags) or b"=" not in fields[0]:
+        return fields if len(fields) == len(tags) else None
     values = []
-    for tag, text in zip(_TAGS, fields, strict=True):
+    for tag, text in zip(tags, fields, strict=True):
         name, equals, value = text.partition(b"=")
         if not equals or name != tag:
             return None
@@ -51,9 +61,7 @@ def _numbers(fields: list[bytes]) -> tuple[int, int, list[float]] | None:
 
     None where its fields are not what they should be.
     """
-    values = fields if len(fields) == len(_TAGS) else None
-    if values and b"=" in values[_BEAM]:
-        values = _untag(values)
+    values = _untagged(fields, _TAGS)
     if values is None:
         return None
     time_ns, beam = _time_ns(values[_DATE], values[_TIME]), whole(values[_BEAM])
@@ -63,12 +71,41 @@ def _numbers(fields: list[bytes]) -> tuple[int, int, list[float]] | None:
     return time_ns, beam, numbers
 
 
+def _axes(position: int, fields: list[bytes]) -> Row | None:
+    """The velocity of a `$PNORBT6` to `$PNORBT9`; None where its fields are not what they should be."""
+    values = _untagged(fields[: len(_AXES_TAGS)], _AXES_TAGS)
+    numbers = [v for text in values or () if (v := number(text)) is not None]
+    seconds, _, part = (values or [b""])[0].partition(b".")
+    if len(numbers) < len(_AXES_TAGS) or not seconds.isdigit() or not (part or b"0").isdigit():
+        return None
+    *axes, fom, d1, d2, d3, d4 = numbers[3:]
+    known = all(one > NO_VELOCITY_MPS + 1e-3 for one in axes) and fom < NO_FOM_MPS
+    distances = [one for one in (d1, d2, d3, d4) if one > 0.0]
+    return Row(
+        position=position,
+        time_ns=int(seconds) * 1_000_000_000 + int(part[:9].ljust(9, b"0")),
+        velocity=[],
+        valid=[],
+        instrument=axes if known else [NAN] * 3,
+        verdict=int(known),
+        extra={
+            "altitude_m": sum(distances) / len(distances) if distances else NAN,
+            "instrument_sd_mps": fom if known else NAN,
+        },
+    )
+
+
 class _Decoder(SentenceDecoder):
     """Beam lines, gathered to pings: one begins with another time, or with a beam that is there already."""
 
     form = SentenceDecoder.pattern(rb"PNOR[A-Z]{0,3}[0-9]{0,2}", 400)
-    wanted = (b"PNORBT0", b"PNORBT1")
+    wanted = (b"PNORBT0", b"PNORBT1", *_OF_AXES)
     _open: Row | None = None
+
+    def __post_init__(self) -> None:
+        """Begins."""
+        super().__post_init__()
+        self._axes: list[Row] = []
 
     @property
     def waiting(self) -> bool:
@@ -76,8 +113,18 @@ class _Decoder(SentenceDecoder):
         return self._open is not None
 
     def sentence(self, position: int, text: bytes) -> None:
-        """Takes a line of a beam."""
-        found = _numbers(text.split(b",")[1:])
+        """Takes a line of a beam, or a velocity, which is a row where it is asked for alone."""
+        name, *fields = text.split(b",")
+        if name in _OF_AXES:
+            row = _axes(position, fields) if self.options.instrument_only else None
+            if row is not None:
+                self._axes.append(row)
+            elif self.options.instrument_only:
+                self.account.skip("velocity with wrong fields", position, text)
+            else:
+                self.account.pass_by("velocity without beams", position)
+            return
+        found = _numbers(fields)
         if found is None:
             self.account.skip("beam line with wrong fields", position, text)
             return
@@ -124,7 +171,23 @@ class _Decoder(SentenceDecoder):
     def recording(self) -> Recording:
         """The table, as `Decoder.recording`."""
         self.flush()
+        if self._axes and not self.rows:
+            return replace(
+                self.tables("velocity $PNORBT6 to $PNORBT9", 0, self._axes),
+                frame="instrument",
+                clock="the instrument's, seconds since 1970 if it was set so",
+                notes=["no beam velocities: the table holds the instrument's velocity alone"],
+            )
+        for row in self._axes:
+            self.account.pass_by("velocity without beams", row.position)
         beams = max((row.beams for row in self.rows), default=0)
+        if not self.rows and "velocity without beams" in self.account.other:
+            raise DataError(
+                "its sentences hold velocities along the instrument's axes and no beams",
+                place=self.place,
+                expected="beam lines $PNORBT0 or $PNORBT1",
+                hint="set DF350 or DF351, or DF21 in binary, or convert the velocities with --instrument-only",
+            )
         for row in self.rows:
             if len(row.there) < beams:
                 self.account.flag("beam line missing", row.position)

@@ -6,11 +6,15 @@ vehicle moves along its beam: on a recorded A50 it fits b . v with tilt 22.5° a
 A report of the water (type `velocity_water`, tracking mode `water`, from json_v3.2 on) comes in place of one of the
 bottom: it is a ping whose beams have no bottom, and a cell of the water.
 
+What a capture writes before a report, as a time or the mark of a WebSocket, is left out; so is what `ros2 topic echo`
+and `rostopic echo` write around a `std_msgs/String`.
+
 Source: Water Linked, TCP JSON API of the A50 and A125, and "Water tracking".
 """
 
 import json
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +25,10 @@ from bottomlock.io.rows import NAN
 # A report that begins within a line, after one that was cut off.
 _RESTARTS = ('{"time"', '{"ts"', '{"type"')
 _MOST_RESTARTS = 8
+_PREFIX = re.compile(r"""[^"{}]{0,200}[\s\]>|:"'](?=\{)""")
+"""Before a report in a capture: no part of one, and it does not end within a word."""
+_SEPARATOR = b"---"
+"""Between two messages of an echo."""
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -34,6 +42,24 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 _DECODER = json.JSONDecoder(object_pairs_hook=_object)
 
 Object = dict[str, Any]
+
+
+def _without_capture(text: str) -> str:
+    """A line without what a capture has written around its reports, with the quotes as they were sent."""
+    prefix = _PREFIX.match(text)
+    if prefix is None:
+        return text
+    text = text[prefix.end() :]
+    end = prefix.group()[-1]
+    if end not in {'"', "'"} or not text.endswith(end):
+        return text
+    text = text[:-1]
+    if end == "'":
+        return text.replace("''", "'")
+    try:
+        return str(json.loads(f'"{text}"'))
+    except ValueError:
+        return text
 
 
 def _parse(text: str) -> tuple[list[Object], bool]:
@@ -259,7 +285,11 @@ class _Decoder(LineDecoder, ReportDecoder):
     def line(self, position: int, line: bytes) -> None:
         """Takes the objects of a line."""
         account = self.account
-        found, damaged = _parse(line.decode("utf-8", "replace"))
+        if line == _SEPARATOR:
+            account.read += 1
+            account.pass_by("end of a message", position)
+            return
+        found, damaged = _parse(_without_capture(line.decode("utf-8", "replace")))
         account.read += len(found) + damaged
         if damaged:
             account.skip("merged line" if found else "truncated", position, line)
@@ -294,6 +324,7 @@ class _Decoder(LineDecoder, ReportDecoder):
 
 
 def _sniff(head: bytes) -> bool:
+    head = head.replace(b'\\"', b'"')
     return b'"transducers"' in head or (b'"format":"json_v' in head.replace(b" ", b"") and b'"vx"' in head)
 
 
