@@ -4,7 +4,6 @@ import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bottomlock.audit.beam_order import NEAR_RAD, Match, match
 from bottomlock.audit.closure import (
@@ -18,7 +17,7 @@ from bottomlock.audit.closure import (
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix, line_angle
-from bottomlock.audit.robust import Array, sigmas_for
+from bottomlock.audit.robust import Array, Flags, significant
 from bottomlock.recordings.closure import Order, closure_sd, orders_by_closure
 
 BETTER, FAR_BETTER = 0.5, 0.2
@@ -29,7 +28,6 @@ A fault of one channel in the record alone shows in every row of such a matrix, 
 
 TURNED_RAD = 1e-9
 """A smaller common rotation is none."""
-Flags = NDArray[np.bool_]
 Pairs = tuple[tuple[int, int], ...]
 
 
@@ -101,8 +99,8 @@ class BeamAssessment:
         """Beams with a bias against the instrument's velocity."""
         if self.matrix is None:
             return []
-        limit = np.maximum(MATERIAL_MPS, sigmas_for(self.matrix.blocks) * self.bias_sd_mps)
-        return [int(k) for k in np.flatnonzero(np.abs(self.bias_mps) > limit)]
+        sure = significant(self.bias_mps, self.bias_sd_mps, self.matrix.blocks, MATERIAL_MPS)
+        return [int(k) for k in np.flatnonzero(sure)]
 
     @property
     def doubtful(self) -> bool:
@@ -135,9 +133,7 @@ class BeamAssessment:
         m, found = self.matrix, self.match
         if m is None or found is None:
             return []
-        return self._single(
-            found.off_rad > np.maximum(MATERIAL_RAD, sigmas_for(m.blocks) * m.direction_sd_rad)
-        )
+        return self._single(significant(found.off_rad, m.direction_sd_rad, m.blocks, MATERIAL_RAD))
 
     @property
     def turned_rad(self) -> float:
@@ -201,8 +197,7 @@ def _biases(matrix: Matrix, closures: list[Closure]) -> tuple[Array, Array]:
     The regression observes the biases that act like a velocity, the closure the rest. A bias that the instrument has
     included in its velocity is observed by the closure alone.
     """
-    limit = np.maximum(MATERIAL_MPS, sigmas_for(matrix.blocks) * matrix.bias_sd_mps)
-    if not (np.abs(matrix.bias_mps) > limit).any():
+    if not significant(matrix.bias_mps, matrix.bias_sd_mps, matrix.blocks, MATERIAL_MPS).any():
         return np.zeros(0), np.zeros(0)
     bias, variance = matrix.bias_mps.copy(), matrix.bias_sd_mps**2
     # A regression of the readings holds the whole bias; one of the velocity lacks the part in the closure.

@@ -9,7 +9,7 @@ from bottomlock.audit.depth import WINDOW_S
 from bottomlock.audit.findings import finding, listed
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.mounting import AXES, PARTS, Mounting
-from bottomlock.audit.robust import sigmas_for
+from bottomlock.audit.robust import significant
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.finding import Finding, Severity
 
@@ -26,12 +26,12 @@ def depth(_: BeamLog, context: Context) -> Iterator[Finding]:
         f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over {rate.windows} "
         f"windows of {WINDOW_S:g} s ({rate.blocks} independent).{caveat}"
     )
-    told, limit = {"basis": basis}, sigmas_for(rate.blocks) * rate.slope_sd
-    if abs(rate.correlation) < 0.3 or abs(rate.slope) < limit:
+    told = {"basis": basis}
+    if abs(rate.correlation) < 0.3 or not significant(rate.slope, rate.slope_sd, rate.blocks, 0.0):
         yield finding("depth_not_observable", rate.slope, 0.0, told, sd=rate.slope_sd)
     elif rate.slope < 0.0:
         yield finding("z_points_up", rate.slope, told=told, sd=rate.slope_sd)
-    elif rate.levelled and abs(rate.slope - 1.0) > max(0.03, limit):
+    elif rate.levelled and significant(rate.slope - 1.0, rate.slope_sd, rate.blocks, 0.03):
         size = rate.slope - 1.0
         yield finding("vertical_scale", 100.0 * size, min(abs(size), 1.0), told, sd=100.0 * rate.slope_sd)
 
@@ -81,7 +81,7 @@ def parts(_: BeamLog, context: Context) -> Iterator[Finding]:
         meant = stated.get(kind, np.zeros(len(value)))
         # Angles are compared about the platform's axes, as their standard deviations are.
         off = turn.as_rotvec() if kind == "misalignment" else value - meant
-        sure = np.abs(off) > np.maximum(part.least, sigmas_for(m.blocks) * sd)
+        sure = significant(off, sd, m.blocks, part.least)
         unseen = ~sure & (sd > part.limit)
         each = zip(part.names, part.factor * value, part.factor * sd, unseen, strict=True)
         listed_parts = [
@@ -118,5 +118,5 @@ def imu(_: BeamLog, context: Context) -> Iterator[Finding]:
         told = {"axes": " and ".join(axes), "left": left, "diagonal": listed(diagonal, "+.3f")}
         yield finding("imu_axes", len(axes), told=told)
     offset, sd = aligned.offset_s, aligned.offset_sd_s
-    if sd < 0.05 and abs(offset) > max(0.01, sigmas_for(aligned.blocks) * sd):
+    if sd < 0.05 and significant(offset, sd, aligned.blocks, 0.01):
         yield finding("imu_clock_offset", offset, min(abs(offset), 1.0), sd=sd)

@@ -18,7 +18,7 @@ from bottomlock.audit.findings import (
 )
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, Matrix, line_angle, tilt
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, sigmas_for
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, significant
 from bottomlock.io.beams import packaged_geometries
 from bottomlock.recordings.closure import Order, closure_sd
 from bottomlock.recordings.finding import Finding, ranked
@@ -139,9 +139,7 @@ def scale(_: BeamLog, context: Context) -> Iterator[Finding]:
     if found.match is not None and context.stated_rows is not None:
         expected = np.linalg.norm(context.stated_rows[found.match.beam], axis=1)
     off = matrix.scale / expected - 1.0
-    sure = np.flatnonzero(
-        np.abs(off) > np.maximum(MATERIAL_SCALE, sigmas_for(matrix.blocks) * matrix.scale_sd)
-    )
+    sure = np.flatnonzero(significant(off, matrix.scale_sd, matrix.blocks, MATERIAL_SCALE))
     if len(sure):
         worst = int(np.argmax(np.abs(off)))
         sizes, weight = with_sd(matrix.scale, matrix.scale_sd, ".4f", ".1g"), float(abs(off[worst]))

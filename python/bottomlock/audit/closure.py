@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom, f, norm
 
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_SCALE, SIGNIFICANCE
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, resolution, sigmas_for
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, resolution, significant
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_median
 
@@ -71,7 +71,7 @@ class Closure:
     @property
     def biased(self) -> bool:
         """The median is no zero."""
-        return abs(self.median_mps) > max(MATERIAL_MPS, sigmas_for(self.blocks) * self.median_sd_mps)
+        return bool(significant(self.median_mps, self.median_sd_mps, self.blocks, MATERIAL_MPS))
 
     @property
     def heavy(self) -> bool:

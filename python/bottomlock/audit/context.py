@@ -143,8 +143,9 @@ class Context:
     @cached_property
     def depth(self) -> DepthRate | None:
         """Depth rate against heave, or None."""
-        known = self.depths is not None and len(self.velocity[0])
-        return depth_rate(*self.velocity, self.depths, self.reference) if known and self.depths else None
+        if self.depths is None or not len(self.velocity[0]):
+            return None
+        return depth_rate(*self.velocity, self.depths, self.reference)
 
     @cached_property
     def mounting(self) -> Mounting | None:

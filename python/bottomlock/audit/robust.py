@@ -10,6 +10,7 @@ from bottomlock.audit.findings import SIGNIFICANCE
 from bottomlock.recordings.robust import PER_BLOCK, correlation_blocks, sd_about_median
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 HUBER = 1.345
 """Threshold of Huber's loss in sigmas: 95 % efficiency for Gaussian noise."""
@@ -42,6 +43,15 @@ def sigmas_for(blocks: int) -> float:
     if blocks < LEAST_BLOCKS:
         return np.inf
     return float(t.isf(SIGNIFICANCE / 2.0, blocks - 1) / np.sqrt(1.0 - 0.5 / PER_BLOCK))
+
+
+def significant(off: Array | float, sd: Array | float, blocks: int, least: float) -> Flags:
+    """Whether departures are beyond chance, by their 1 sigma of this many blocks, and larger than matters: `least`.
+
+    >>> significant(np.array([0.1, 0.1, 3.0]), np.array([0.01, 0.1, 0.1]), 50, 0.05).tolist()
+    [True, False, True]
+    """
+    return np.asarray(np.abs(off) > np.maximum(least, sigmas_for(blocks) * np.asarray(sd)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.audit.logs import BeamLog, Reference
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, sigmas_for
+from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, significant
 from bottomlock.config.sensors import WaterCells
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.kernel import BeamGeometry
@@ -67,7 +67,7 @@ class WaterAgreement:
     def wrong(self) -> bool:
         """The scale is off, by its slope, whose error is Gaussian also where the scale is far from 1."""
         slope, sd = 1.0 / self.scale - 1.0, self.scale_sd / self.scale**2
-        return abs(slope) > max(MATERIAL, sigmas_for(self.blocks) * sd)
+        return bool(significant(slope, sd, self.blocks, MATERIAL))
 
 
 def water_agreement(
