@@ -71,7 +71,7 @@ impl Failure {
 
     /// The error of numbers that have no time.
     pub(crate) fn timeless(error: &NavError) -> Self {
-        Self::new(status_of(error), error.to_string().replace(" at 0 ns", "")).about(error.key())
+        Self::new(status_of(error), error.timeless()).about(error.key())
     }
 }
 

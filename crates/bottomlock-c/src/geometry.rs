@@ -3,12 +3,10 @@
 use std::ffi::c_char;
 use std::ptr;
 
-use bottomlock::NavError;
 use bottomlock::dvl::geometry::{BeamGeometry, Janus};
 use bottomlock::frames::{Platform, Vec3};
 use bottomlock::presets::GEOMETRIES;
-use bottomlock::settings::read;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::calls::{Failure, Outcome, Status, call, free};
 use crate::names::{c_name, named};
@@ -36,10 +34,6 @@ struct Beams {
 
 impl Settings for Beams {
     const NAME: &'static str = "geometry";
-
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        read(Self::NAME, source)
-    }
 }
 
 /// Vectors of a frame.

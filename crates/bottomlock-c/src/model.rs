@@ -8,7 +8,7 @@ use bottomlock::earth::{EarthModel, Environment};
 use bottomlock::model::Model as Core;
 use bottomlock::presets::GRADES;
 use bottomlock::settings;
-use serde::{Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::calls::{Outcome, Status, call, free};
 use crate::names::{c_name, named};
@@ -16,7 +16,7 @@ use crate::pointers::{at, at_mut, text};
 use crate::settings::{Settings, parsed};
 
 /// Environment and errors of the sensors, SI.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Model(pub(crate) Core);
 
 const TABLE_2: &str = "table_2";
@@ -24,8 +24,8 @@ const TABLE_2: &str = "table_2";
 impl Settings for Model {
     const NAME: &'static str = "model";
 
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        settings::model(source).map(Self)
+    fn validate(&self) -> Result<(), NavError> {
+        self.0.validate()
     }
 }
 

@@ -4,22 +4,21 @@ use std::ffi::c_char;
 
 use bottomlock::NavError;
 use bottomlock::filter::options::Options as Core;
-use bottomlock::settings::options;
-use serde::{Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::calls::{Status, call, free};
 use crate::pointers::{at, at_mut, text};
 use crate::settings::Settings;
 
 /// Options of the filter, SI.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Options(pub(crate) Core);
 
 impl Settings for Options {
     const NAME: &'static str = "options";
 
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        options(source).map(Self)
+    fn validate(&self) -> Result<(), NavError> {
+        self.0.validate()
     }
 }
 

@@ -3,6 +3,8 @@
 use std::ffi::c_char;
 
 use bottomlock::NavError;
+use bottomlock::settings::read;
+use serde::de::DeserializeOwned;
 use serde::{Deserializer, Serialize};
 use serde_json::Value;
 
@@ -10,12 +12,21 @@ use crate::calls::{Failure, Outcome};
 use crate::pointers::put_all;
 
 /// Settings that are read and written as JSON, and always valid.
-pub(crate) trait Settings: Serialize + Sized {
+pub(crate) trait Settings: Serialize + DeserializeOwned {
     /// Their name in messages.
     const NAME: &'static str;
 
+    /// Checks their numbers.
+    fn validate(&self) -> Result<(), NavError> {
+        Ok(())
+    }
+
     /// Reads and checks them.
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError>;
+    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
+        let made: Self = read(Self::NAME, source)?;
+        made.validate()?;
+        Ok(made)
+    }
 
     fn from_json(text: &str) -> Outcome<Self> {
         let mut source = serde_json::Deserializer::from_str(text);

@@ -1,11 +1,8 @@
 //! States, and attitudes as angles.
 
-use bottomlock::NavError;
 use bottomlock::frames::{Platform, Rot, Tangent};
 use bottomlock::plain_state::PlainState;
-use bottomlock::settings::read;
 use bottomlock::state::NavState;
-use serde::Deserializer;
 
 use crate::calls::{Status, call};
 use crate::pointers::{numbers, put};
@@ -13,10 +10,6 @@ use crate::settings::Settings;
 
 impl Settings for PlainState {
     const NAME: &'static str = "start";
-
-    fn read<'de, D: Deserializer<'de, Error = serde_json::Error>>(source: D) -> Result<Self, NavError> {
-        read(Self::NAME, source)
-    }
 }
 
 /// A state at rest at the origin, level, heading north, with zero biases.

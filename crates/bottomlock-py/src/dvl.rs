@@ -9,7 +9,6 @@ use numpy::PyArrayDyn;
 use pyo3::types::{PyBytes, PyType};
 
 use crate::arrays::{array, floats, rows, vector};
-use crate::errors::without_time;
 use crate::prelude::*;
 use crate::results::entries;
 
@@ -183,7 +182,7 @@ impl BeamGeometry {
                 scale_factor,
             };
             let readings = self.inner.readings_mps(&motion, &bias);
-            out.extend(readings.map_err(|error| invalid(format!("row {row}: {}", without_time(&error))))?);
+            out.extend(readings.map_err(|error| invalid(format!("row {row}: {}", error.timeless())))?);
         }
         array(py, out, &[velocities.len(), beams])
     }
@@ -212,15 +211,5 @@ impl BeamGeometry {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         Ok((slf.get_type().getattr("load")?, (slf.get().save(slf.py())?,)))
-    }
-
-    fn __repr__(&self) -> String {
-        let beams: Vec<String> = (0..self.inner.beams())
-            .map(|beam| {
-                let d = self.inner.direction_p(beam);
-                format!("({:.4}, {:.4}, {:.4})", d.x, d.y, d.z)
-            })
-            .collect();
-        format!("BeamGeometry(directions_p=[{}])", beams.join(", "))
     }
 }

@@ -22,7 +22,7 @@ pub fn raise(error: NavError) -> PyErr {
 
 /// The same of numbers that have no time.
 pub fn raise_timeless(error: NavError) -> PyErr {
-    with_parts(without_time(&error), &error)
+    with_parts(error.timeless(), &error)
 }
 
 /// The exception with the key, the expectation and the hint of the error.
@@ -38,11 +38,6 @@ fn with_parts(text: String, error: &NavError) -> PyErr {
         let set = parts.into_iter().try_for_each(|(name, part)| value.setattr(name, part));
         set.err().unwrap_or(raised)
     })
-}
-
-/// The message of an error without the time 0.
-pub fn without_time(error: &NavError) -> String {
-    error.to_string().replace(" at 0 ns", "")
 }
 
 /// The Python exception for an argument of the wrong shape, type or value.

@@ -77,9 +77,7 @@ impl<'de, 'py> Deserializer<'de> for Given<'py> {
     ) -> Result<V::Value, Error> {
         match self.0.cast::<PyString>() {
             Ok(text) => visitor.visit_enum(text.to_str().map_err(Error::custom)?.into_deserializer()),
-            Err(_) => self
-                .deserialize_any(Text)
-                .and_then(|()| Err(Error::custom("is no text"))),
+            Err(_) => self.deserialize_any(visitor),
         }
     }
 
@@ -111,16 +109,5 @@ impl IntoDeserializer<'_> for Given<'_> {
 
     fn into_deserializer(self) -> Self {
         self
-    }
-}
-
-/// Takes nothing, so that the refusal names what was given in the place of a text.
-struct Text;
-
-impl Visitor<'_> for Text {
-    type Value = ();
-
-    fn expecting(&self, words: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        words.write_str("a text")
     }
 }

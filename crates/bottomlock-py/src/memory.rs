@@ -17,9 +17,9 @@ pub fn require(bytes: u128, what: impl FnOnce() -> String) -> PyResult<()> {
         return Ok(());
     }
     Err(invalid(format!(
-        "{} need {} of memory, more than there is: ask for fewer at a time",
+        "{} need {:.3} GB ({bytes} bytes) of memory, more than there is: ask for fewer at a time",
         what(),
-        words(bytes)
+        bytes as f64 * 1e-9
     )))
 }
 
@@ -28,16 +28,4 @@ pub fn product(counts: &[usize]) -> u128 {
     counts
         .iter()
         .fold(1, |product: u128, &count| product.saturating_mul(count as u128))
-}
-
-/// A size with its unit.
-fn words(bytes: u128) -> String {
-    let units = ["bytes", "kB", "MB", "GB", "TB", "PB", "EB"];
-    let mut scaled = bytes as f64;
-    let mut unit = 0;
-    while scaled >= 1000.0 && unit + 1 < units.len() {
-        scaled /= 1000.0;
-        unit += 1;
-    }
-    format!("{scaled:.3} {} ({bytes} bytes)", units[unit])
 }

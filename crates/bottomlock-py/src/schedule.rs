@@ -32,16 +32,27 @@ fn per_run<T: Clone>(
     })
 }
 
+/// Times of a key; none without it, where none of the keys that need them is given.
+fn given_times<'a>(
+    keys: &Keys<'_>,
+    times_key: &str,
+    others: impl IntoIterator<Item = &'a str>,
+) -> PyResult<Option<Vec<i64>>> {
+    let time_ns = keys.given(times_key, times)?;
+    for key in others {
+        if keys.has(key)? && time_ns.is_none() {
+            return Err(invalid(format!("schedule has the key '{key}' but lacks '{times_key}'")));
+        }
+    }
+    Ok(time_ns)
+}
+
 /// The epochs of a sensor that each run receives: `<name>_time_ns`, and where given `<name>_received` and the sensor's offset. A
 /// sensor that is not named never measures.
 fn epochs(keys: &Keys<'_>, of: &Simulation, runs: usize) -> PyResult<OwnedEpochs> {
     let (times_key, received_key) = (format!("{}_time_ns", of.name), format!("{}_received", of.name));
-    let Some(time_ns) = keys.given(&times_key, times)? else {
-        for key in of.offset.into_iter().chain([received_key.as_str()]) {
-            if keys.has(key)? {
-                return Err(invalid(format!("schedule lacks the key '{times_key}'")));
-            }
-        }
+    let others = of.offset.into_iter().chain([received_key.as_str()]);
+    let Some(time_ns) = given_times(keys, &times_key, others)? else {
         return Ok(OwnedEpochs::default());
     };
     let count = [time_ns.len()];
@@ -81,14 +92,7 @@ fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -
 /// The epochs of the water, none without `water_track_time_ns`.
 fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
     const VALUES: [&str; 3] = ["water_track_valid", "water_current_n_mps", "water_shear_n_ps"];
-    let Some(time_ns) = keys.given("water_track_time_ns", times)? else {
-        for key in VALUES {
-            if keys.has(key)? {
-                return Err(invalid(format!(
-                    "schedule has the key '{key}' but lacks 'water_track_time_ns'"
-                )));
-            }
-        }
+    let Some(time_ns) = given_times(keys, "water_track_time_ns", VALUES)? else {
         return Ok(OwnedWater::default());
     };
     let epochs = time_ns.len();

@@ -9,7 +9,6 @@ use nalgebra::{Matrix3, Vector3};
 use crate::arrays::{floats, rows};
 use crate::beam_arrays::BeamArrays;
 use crate::calls::detached;
-use crate::errors::without_time;
 use crate::prelude::*;
 
 /// Solves pings for the platform velocity, one row per ping.
@@ -74,7 +73,7 @@ pub fn solve_velocity<'py>(
         outcome
             .as_ref()
             .map(FixRow::from)
-            .map_err(|error| (row, without_time(error)))
+            .map_err(|error| (row, error.timeless()))
     };
     let rows = detached(py, || Ok((0..count).map(solve_row).collect::<Result<Vec<_>, _>>()))?;
     let rows = rows.map_err(|(row, error)| invalid(format!("row {row}: {error}")))?;

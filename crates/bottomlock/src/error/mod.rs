@@ -356,6 +356,12 @@ impl NavError {
         }
     }
 
+    /// The message of an error of numbers that have no time.
+    #[must_use]
+    pub fn timeless(&self) -> String {
+        self.to_string().replace(" at 0 ns", "")
+    }
+
     /// What was expected; empty where the message alone says it.
     #[must_use]
     pub fn expected(&self) -> &str {

@@ -106,6 +106,7 @@ fn type_name(words: &str) -> String {
         "u32" => "a whole number, 0 or more".into(),
         "i64" => "a whole number".into(),
         "a boolean" => "true or false".into(),
+        _ if words.starts_with("enum ") => "a text".into(),
         _ if words.starts_with("struct") || words.starts_with("a map") => "a table of settings".into(),
         _ => (words.strip_prefix("an array of length ")).map_or(words.into(), |count| format!("{count} numbers")),
     }
