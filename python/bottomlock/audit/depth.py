@@ -64,7 +64,7 @@ def depth_rate(
     return DepthRate(
         slope=float(fit.parameters[0]),
         slope_sd=float(np.std(fit.resampled[:, 0])) if fit.blocks >= LEAST_BLOCKS else np.inf,
-        correlation=float(np.corrcoef(moved, sunk)[0, 1]),
+        correlation=float(np.corrcoef(moved, sunk)[0, 1]) if np.ptp(sunk) > 0.0 else 0.0,
         rms_mps=float(rms(fit.residuals) / WINDOW_S),
         windows=len(moved),
         levelled=reference is not None,

@@ -1,0 +1,128 @@
+"""Kinds of findings that take a log of their own, with their numbers; and what the page says of the estimates."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bottomlock import BeamGeometry
+from bottomlock.audit.findings import KINDS, finding
+from bottomlock.audit.geometry_file import geometry_text
+from bottomlock.audit.logs import Reference
+from bottomlock.audit.page import page_of
+from bottomlock.audit.run import Audit, numbers_of
+from bottomlock.pages.page import Table
+from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.streams import Depths, Inertial
+from tests.audit.synthetic import Array, janus, make_log
+from tests.audit.test_mounting import alone, streams
+from tests.oracle import mounting as oracle
+
+T = np.arange(0.0, 600.0, 0.4)
+NS = np.round(T * 1e9).astype(np.int64)
+LEVEL = Reference(NS, np.zeros((len(T), 3)), None)
+
+
+def sinking(factor: float, noise_mps: float = 0.01) -> list[Finding]:
+    """A level vehicle that rises and sinks; the depth changes by `factor` of what the velocity says."""
+    w = 0.2 * np.sin(T / 15.0)
+    depth = 10.0 + factor * np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * 0.4)])
+    velocity = np.stack([np.full_like(T, 0.5), 0.0 * T, w], axis=1)
+    velocity += noise_mps * np.random.default_rng(1).normal(size=velocity.shape)
+    return Audit(alone(T, velocity), reference=LEVEL, depths=Depths(NS, depth)).findings
+
+
+@pytest.mark.parametrize(
+    ("factor", "kind", "size", "within"),
+    [
+        (1.1, "vertical_scale", 10.0, 0.5),
+        (0.9, "vertical_scale", -10.0, 0.5),
+        (0.0, "depth_not_observable", 0.0, 0.01),
+        (-1.0, "z_points_up", -1.0, 0.02),
+    ],
+)
+def test_depth(factor: float, kind: str, size: float, within: float) -> None:
+    (one,) = sinking(factor)
+    assert one.kind == kind
+    assert one.size == pytest.approx(size, abs=within)
+    assert one.sd < within
+    assert not sinking(1.02)
+
+
+def test_two_transducers_that_look_the_same_way() -> None:
+    """Their numbers differ by noise: the matrix tells."""
+    rows = janus()
+    rows[3] = rows[0]
+    found = [one for one in Audit(make_log(41, physical=rows)).findings if one.kind == "identical_beams"]
+    (one,) = found
+    assert (one.beams, one.unit) == ((1, 4), "deg")
+    assert one.size < 5.0 * one.sd < 1.0
+
+
+@pytest.mark.parametrize("shift_s", [0.2, -0.35])
+def test_clock_of_an_imu(shift_s: float) -> None:
+    t, rpy, velocity, force, rate = streams(1.0)
+    own = np.arange(2.0, 295.0, 0.5)
+    reads = np.array([oracle.dvl_reads(s, 1.0, mounted=np.eye(3), arm=np.zeros(3), scale=0.0) for s in own])
+    stamps = (np.arange(len(force)) * 20_000_000 + round(shift_s * 1e9)).astype(np.int64)
+    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity)
+    found = Audit(alone(own, reads), reference=reference, imu=Inertial(stamps, force, rate)).findings
+    (one,) = (one for one in found if one.kind == "imu_clock_offset")
+    assert one.size == pytest.approx(shift_s, abs=0.01)
+    assert one.severity == "fault"
+
+
+def test_a_velocity_of_another_vehicle() -> None:
+    rng = np.random.default_rng(2)
+    other = np.stack([0.5 + 0.3 * np.sin(T / 7.0), 0.2 * np.cos(T / 5.0), 0.0 * T], axis=1)
+    rpy = np.stack([0.0 * T, 0.0 * T, 0.5 * np.sin(T / 20.0)], axis=1)
+    reference = Reference(NS, rpy, 0.3 * rng.normal(size=other.shape).cumsum(axis=0) / 20.0)
+    (one,) = Audit(alone(T, other), reference=reference).findings
+    assert (one.kind, one.severity) == ("mounting_not_observable", "note")
+
+
+def test_a_log_of_too_few_pings() -> None:
+    (one,) = Audit(make_log(42, pings=30), stated=BeamGeometry.janus(np.deg2rad(22.0))).findings
+    assert (one.kind, one.size) == ("too_few_pings", 30.0)
+
+
+def test_records_that_were_changed() -> None:
+    beside = {"records_read": 200, "flagged": {"stale repeat": {"count": 10, "first_line": 7}}}
+    (one,) = Audit(replace(make_log(43), beside=beside)).findings
+    assert (one.kind, one.size, one.weight) == ("reader_flagged", 10.0, 0.05)
+    assert "first_line 7" in one.evidence
+
+
+def test_every_finding_has_its_parts() -> None:
+    """A text, evidence and a hint, whatever the kind; what a template names and nobody gives is an error."""
+    for template, kind in KINDS.items():
+        assert all((kind.text, kind.evidence, kind.hint)), template
+    with pytest.raises(KeyError):
+        finding("no_range", 1.0, 0.5)
+
+
+def test_noise_of_three_beams_is_that_of_their_second_differences() -> None:
+    """There is no closure; of a vehicle that moves slowly the noise is found within a tenth."""
+    slow: Array = 0.2 * np.stack([np.sin(T / 20.0), np.cos(T / 25.0), np.sin(T / 30.0)], axis=1)
+    audit = Audit(make_log(44, physical=janus()[:3], velocity=slow, sd_mps=0.01))
+    (line,) = (one for one in geometry_text(audit).splitlines() if one.startswith("beam_noise_mps"))
+    assert float(line.split()[2]) == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_page_has_a_row_an_estimate() -> None:
+    audit = Audit(make_log(45), stated=BeamGeometry.janus(np.deg2rad(22.0)))
+    (part,) = (one for one in page_of(audit, numbers_of(audit)).parts if one.id == "estimates")
+    (table,) = part.blocks
+    assert isinstance(table, Table)
+    rows = {row[1]: row[2].split(", ") for row in table.rows}
+    assert len(rows) == len(table.rows)
+    for name, expected, within in (
+        ("tilt of the beams, °", [22.0] * 4, 0.05),
+        ("azimuth of the beams, °", [45.0, 135.0, -135.0, -45.0], 0.2),
+        ("bias of the beams, mm/s", [0.0] * 4, 0.5),
+        ("stated beam of the channels", [1.0, 2.0, 3.0, 4.0], 0.0),
+        ("weights of the beams", [1.0, -1.0, 1.0, -1.0], 0.01),
+        ("robust sigma, mm/s", [20.0], 2.0),
+    ):
+        values = [float(cell.split(" ± ")[0]) for cell in rows[name]]
+        np.testing.assert_allclose(values, expected, atol=within)
