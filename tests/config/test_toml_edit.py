@@ -63,15 +63,23 @@ def test_braces_on_one_line_are_edited() -> None:
     assert again == '[imu]\nclock = { column = "t", offset_s = 0.25 }  # tuned: r | host\n'
     text = '[imu]\nclock = { column = "t" }\n'
     again = edited(text, {"imu.clock.offset_s": 0.25}, {"imu.clock.offset_s": "r"}, place="case")
-    assert again == '[imu]\nclock = { column = "t", offset_s = 0.25 }  # r\n'
+    assert again == '[imu]\nclock = { column = "t", offset_s = 0.25}  # r\n'
 
 
 @pytest.mark.parametrize(
-    "text", ["[imu]\nerrors = { noise = 0.5, of = { a = 1 } }\n", '[imu.errors]\n"noise" = 0.5\n']
+    ("text", "expected"),
+    [
+        (
+            "[imu]\nerrors = { noise = 0.5, of = { a = 1 } }\n",
+            "[imu]\nerrors = { noise = 0.75, of = { a = 1 } }  # r\n",
+        ),
+        ('[imu.errors]\n"noise" = 0.5\n', '[imu.errors]\n"noise" = 0.75  # r\n'),
+    ],
 )
-def test_what_cannot_be_edited_is_an_error(text: str) -> None:
-    """Braces in braces and quoted keys are named with the values to write by hand; nothing is lost silently."""
-    with pytest.raises(
-        ScenarioError, match=r"case: the new values could not be written .*imu.errors.noise = 0.75"
-    ):
-        edited(text, {"imu.errors.noise": 0.75}, {"imu.errors.noise": "r"}, place="case")
+def test_braces_in_braces_and_quoted_keys_are_edited(text: str, expected: str) -> None:
+    assert edited(text, {"imu.errors.noise": 0.75}, {"imu.errors.noise": "r"}, place="case") == expected
+
+
+def test_what_is_no_toml_is_named() -> None:
+    with pytest.raises(ScenarioError, match="case: not valid TOML"):
+        edited("[imu\n", {"imu.noise": 0.75}, {"imu.noise": "r"}, place="case")
