@@ -221,11 +221,11 @@ NUCLEUS_COLUMNS = (
 """Of the driver's log, those that a bottom track fills."""
 
 
-def nucleus_csv(kinds: Sequence[tuple[int, int]], velocities: Sequence[Sequence[float]] = ()) -> bytes:
+def nucleus_csv(kinds: Sequence[tuple[int, int]]) -> bytes:
     """Rows of Nortek's driver of packets of some ids and states, with the numbers of `nucleus`."""
     lines = [",".join(NUCLEUS_COLUMNS)]
     for step, (kind, status) in enumerate(kinds):
-        content = nucleus(step, status=status, velocity=velocities[step] if velocities else (0.1, 0.2, 0.3))
+        content = nucleus(step, status=status)
         seconds, micros = struct.unpack_from("<2I", content, 4)
         numbers = struct.unpack_from("<21f", content, 36)
         row = dict.fromkeys(NUCLEUS_COLUMNS, "")

@@ -132,9 +132,21 @@ def cerulean_dvl75(numbers: Numbers) -> Log:
 
 def nucleus_csv(numbers: Numbers) -> Log:
     """Rows of Nortek's driver, without checksum."""
-    velocities = [numbers.velocities(3) for _ in range(PINGS)]
-    header, *rows = seeds.nucleus_csv([(0xB4, 0x7FFF)] * PINGS, velocities).splitlines(keepends=True)
-    return Log((header, *rows), kept=1, checksum=False)
+    header, *rows = seeds.nucleus_csv([(0xB4, 0x7FFF)] * PINGS).splitlines(keepends=True)
+    names, lines = header.strip().split(b","), []
+    for j, row in enumerate(rows):
+        fields = row.strip().split(b",")
+        fields[names.index(b"timeStamp")] = b"%d" % (1_690_000_000 + 1111 * j)
+        of = {
+            "velocityBeam1": numbers.velocities,
+            "distanceBeam1": numbers.ranges,
+            "velocityX": numbers.velocities,
+        }
+        for first, draw in of.items():
+            at = names.index(first.encode())
+            fields[at : at + 3] = [f"{one:.4f}".encode() for one in draw(3)]
+        lines.append(b",".join(fields) + b"\r\n")
+    return Log((header, *lines), kept=1, checksum=False)
 
 
 def wayfinder(numbers: Numbers) -> Log:

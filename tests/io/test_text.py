@@ -308,14 +308,25 @@ def test_linkquest_signs() -> None:
     assert (account.skipped["truncated"].first, account.skipped["merged line"].first) == (3, 4)
 
 
-def test_pd6_is_refused_with_what_to_record(tmp_path: Path) -> None:
-    for name, log in (("log.txt", seeds.PD6), ("log.csv", seeds.PD6_LOGGED)):
-        path = tmp_path / name
-        path.write_bytes(log)
-        with pytest.raises(DataError) as error:
-            read_recording(path)
-        assert error.value.place == str(path)
-        assert "PD0" in str(error.value.hint)
+@pytest.mark.parametrize(
+    ("name", "log", "instead"),
+    [
+        ("log.txt", seeds.PD6, "PD0"),
+        ("log.csv", seeds.PD6_LOGGED, "PD0"),
+        ("log.pd4", b"\x7d\x00\x2d\x00" + bytes(43), "PD0"),
+        ("log.txt", seeds.DVEXT.split(b"\n")[0], "DVEXT"),
+    ],
+)
+def test_what_holds_no_beams_is_refused_with_what_to_record(
+    name: str, log: bytes, instead: str, tmp_path: Path
+) -> None:
+    """PD6, also in a logger's CSV, PD4, and displacements of a Cerulean."""
+    path = tmp_path / name
+    path.write_bytes(log)
+    with pytest.raises(DataError) as error:
+        read_recording(path)
+    assert error.value.place == str(path)
+    assert instead in str(error.value.hint)
 
 
 def test_no_infinity_gets_into_a_table() -> None:

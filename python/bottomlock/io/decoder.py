@@ -197,6 +197,58 @@ class LineDecoder(Decoder):
         """A line cannot be read."""
 
 
+class TableDecoder(LineDecoder):
+    """A header with the names of the columns, and a line a record."""
+
+    longest = 1 << 24
+    prefix: ClassVar = ""
+    """What may stand before a column's name."""
+    needed: ClassVar[tuple[str, ...]]
+    """Names of the columns that are read."""
+    also: ClassVar[tuple[str, ...]] = ()
+    """Names of those that may be missing, and are then empty."""
+    what: ClassVar[str]
+    """The log, in words."""
+    _width = 0
+
+    def line(self, position: int, line: bytes) -> None:
+        """Takes the header or a record; DataError where the header lacks a column."""
+        fields = line.split(b",")
+        if not self._width:
+            self.header(fields)
+            return
+        self.account.read += 1
+        if len(fields) != self._width:
+            self.account.skip("truncated" if len(fields) < self._width else "merged line", position, line)
+        elif not self.record(position, [b"" if k is None else fields[k] for k in self._at], line):
+            self.account.skip("a field that is no number", position, line)
+
+    def header(self, fields: list[bytes]) -> None:
+        """Takes the names of the columns.
+
+        Raises:
+            DataError: naming the first that is missing.
+        """
+        self._width = len(fields)
+        names = [name.strip().decode("utf-8", "replace").removeprefix(self.prefix) for name in fields]
+        places = {name: k for k, name in enumerate(names)}
+        for name in self.needed:
+            if name not in places:
+                key = f"column '{self.prefix}{name}'"
+                raise DataError("is missing", place=self.place, key=key, expected=self.what)
+        self._at = [places.get(name) for name in (*self.needed, *self.also)]
+
+    def record(self, position: int, fields: list[bytes], line: bytes) -> bool:
+        """Takes the needed fields of a line; false where one is not what it should be."""
+        raise NotImplementedError
+
+    def tables(self, what: str, beams: int, rows: Sequence[Row] | None = None) -> Recording:
+        """As `Decoder.tables`; a file without a header has no column."""
+        if not self._width:
+            self.header([])
+        return super().tables(what, beams, rows)
+
+
 class SentenceDecoder(LineDecoder):
     """Sentences `$NAME,fields*HH` of lines; HH is a checksum of what stands between `$` and `*`."""
 

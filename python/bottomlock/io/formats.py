@@ -40,7 +40,21 @@ from bottomlock.io.sentences import show
 from bottomlock.support.nearest import did_you_mean
 
 _HEAD = 65_536
-_PD6 = re.compile(rb":BI" + rb",\s{0,8}[+-]\s{0,8}[0-9]{1,6}" * 4 + rb",[AV]")
+_RECORD_BEAMS = "record PD0 in beam coordinates (PD0, EX00000), or a Water Linked's own protocol"
+_UNREAD = (
+    (
+        rb":BI" + rb",\s{0,8}[+-]\s{0,8}[0-9]{1,6}" * 4 + rb",[AV]",
+        "PD6 holds no beam velocities",
+        _RECORD_BEAMS,
+    ),
+    (rb"^\x7d(\x00\x2d|\x01\x56)\x00", "PD4 and PD5 hold no beam velocities", _RECORD_BEAMS),
+    (
+        rb"\$DVPD[LX],",
+        "$DVPDL and $DVPDX hold displacements and no beams",
+        "record $DVKFC (Tracker 650: SEND-DVKFC ON) or $DVEXT (DVL-75: SEND-DVEXT ON)",
+    ),
+)
+"""Marks of records that are known and not read, what they lack, and what to record in their place."""
 _TIMES_ITS_SIZE = 10.0
 """Memory that reading a log takes, over its size (measured: PD0 with profiles 9, without 5, Water Linked JSON 3)."""
 
@@ -97,19 +111,16 @@ def detect(path: Path) -> str:
     """Name of a file's format.
 
     Raises:
-        DataError: for a missing file, one in none of the formats, and PD6, which holds no beams.
+        DataError: for a missing file, and one in none of the formats, with what to record in place of a known one.
     """
     _check_there(path)
     head = b"" if path.is_dir() else _head(path)
     name = _recognise(path, head)
     if name is not None:
         return name
-    if _PD6.search(head):
-        raise DataError(
-            "PD6 holds no beam velocities",
-            place=path,
-            hint="record PD0 in beam coordinates (PD0, EX00000), or a Water Linked's own protocol",
-        )
+    for mark, why, instead in _UNREAD:
+        if re.search(mark, head):
+            raise DataError(why, place=path, hint=instead)
     if path.suffix.lower() in {".csv", ".txt"} and b"," in head.split(b"\n", 1)[0] and head.isascii():
         columns = show(head.split(b"\n", 1)[0])
         raise DataError(

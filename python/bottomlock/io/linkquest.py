@@ -7,78 +7,44 @@ velocity becomes (x, -y, -z), forward-right-down if x is forward and the recorde
 
 from dataclasses import replace
 
-from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Recording
-from bottomlock.io.decoder import Format, LineDecoder, Row
+from bottomlock.io.decoder import Format, Row, TableDecoder
 from bottomlock.io.rows import NAN
 from bottomlock.io.sentences import number, whole
 
 _BEAMS = 4
 _MOST_RANGE_M = 20_000.0
-_NEEDED = (
-    "header.stamp",
-    *(f"dataGood{k}" for k in range(_BEAMS)),
-    *(f"altitudeBeam{k}" for k in range(_BEAMS)),
-    *(f"bottomVelocityBeam{k}" for k in range(_BEAMS)),
-    "velocityInst0",
-    "velocityInst1",
-    "velocityInst2",
-    "velocityInstFlag",
-    "altitude",
-    "soundSpeed",
-)
-_FLAGS = tuple(name for name in _NEEDED if name.startswith("dataGood") or name.endswith("Flag"))
-_NUMBERS = tuple(name for name in _NEEDED[1:] if name not in _FLAGS)
+_PER_BEAM = ("dataGood", "altitudeBeam", "bottomVelocityBeam")
 
 
-def _columns(header: bytes, place: str) -> dict[str, int]:
-    """Index of each needed column, by its name without `field.`."""
-    names = [name.strip().decode("utf-8", "replace").removeprefix("field.") for name in header.split(b",")]
-    at = {name: k for k, name in enumerate(names)}
-    for name in _NEEDED:
-        if name not in at:
-            raise DataError(
-                "is missing",
-                place=place,
-                key=f"column 'field.{name}'",
-                expected="a log of a LinkQuest NavQuest",
-            )
-    return at
-
-
-class _Decoder(LineDecoder):
-    """A header, and a line a ping, their signs turned to ours."""
+class _Decoder(TableDecoder):
+    """A line a ping, its signs turned to ours."""
 
     frame = "frd"
-    longest = 1 << 24
-    _header: dict[str, int] | None = None
-    _width = 0
+    prefix = "field."
+    needed = (
+        "header.stamp",
+        *(f"{what}{k}" for what in _PER_BEAM for k in range(_BEAMS)),
+        *(f"velocityInst{k}" for k in range(3)),
+        "velocityInstFlag",
+        "altitude",
+        "soundSpeed",
+    )
+    also = ("%time",)
+    what = "a log of a LinkQuest NavQuest"
 
-    def line(self, position: int, line: bytes) -> None:
-        """Takes the header or a ping.
-
-        Raises:
-            DataError: where the header lacks a column.
-        """
-        if self._header is None:
-            self._header, self._width = _columns(line, self.place), line.count(b",") + 1
-            return
-        at, account = self._header, self.account
-        account.read += 1
-        fields = line.split(b",")
-        if len(fields) != self._width:
-            account.skip("truncated" if len(fields) < self._width else "merged line", position, line)
-            return
-        time_ns = whole(fields[at["header.stamp"]])
-        flags = [fields[at[name]] for name in _FLAGS]
-        values = [v for name in _NUMBERS if (v := number(fields[at[name]])) is not None]
-        if time_ns is None or len(values) < len(_NUMBERS) or not set(flags) <= {b"0", b"1"}:
-            account.skip("a field that is no number", position, line)
-            return
+    def record(self, position: int, fields: list[bytes], line: bytes) -> bool:
+        """Takes a ping."""
+        stamp, *others, known, altitude_m, sound_mps, arrival = fields
+        others += [altitude_m, sound_mps]
+        flags, time_ns = [*others[:_BEAMS], known], whole(stamp)
+        values = [v for one in others[_BEAMS:] if (v := number(one)) is not None]
+        if time_ns is None or len(values) < len(others) - _BEAMS or not set(flags) <= {b"0", b"1"}:
+            return False
         # Two lines that lost an end and a beginning may look like one: there is no checksum, and a time is no range.
         if max(values[:_BEAMS]) > _MOST_RANGE_M:
-            account.skip("range beyond 20 km", position, line)
-            return
+            self.account.skip("range beyond 20 km", position, line)
+            return True
         x, y, z, altitude, sound = values[2 * _BEAMS :]
         row = Row(
             position=position,
@@ -87,16 +53,15 @@ class _Decoder(LineDecoder):
             valid=[flag == b"1" for flag in flags[:_BEAMS]],
             range_m=[one if one > 0.0 else NAN for one in values[:_BEAMS]],
             instrument=[x, -y, -z],
-            verdict=int(flags[_BEAMS] == b"1"),
-            arrival_ns=whole(fields[at["%time"]]) if "%time" in at else None,
+            verdict=int(known == b"1"),
+            arrival_ns=whole(arrival),
             extra={"altitude_m": altitude if altitude > 0.0 else NAN, "sound_speed_mps": sound},
         )
         self.rows.append(row)
+        return True
 
     def recording(self) -> Recording:
-        """The table, as `Decoder.recording`; DataError also for a file without a header."""
-        if self._header is None:
-            _columns(b"", self.place)
+        """The table, as `Decoder.recording`."""
         return replace(
             self.tables("ping of a LinkQuest NavQuest", _BEAMS),
             clock="the logging host's, nanoseconds since 1970 (header.stamp)",

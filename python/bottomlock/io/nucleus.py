@@ -6,6 +6,7 @@ The status word holds validity flags of velocity, distance and figure of merit f
 the manufacturer's driver, which reads both records alike.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,13 @@ from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Record
 from bottomlock.io.binary_records import fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, Frames, framer, frames, kinds
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, framer, frames, kinds
 from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 3
 _FAMILY = 0x20
 _NUCLEUS_RECORDS = {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}
-_DATA = np.dtype(
+DATA = np.dtype(
     [
         ("version", "u1"), ("offset", "u1"), ("flags", "u1"), ("reserved", "u1"), ("seconds", "<u4"), ("micros", "<u4"),
         ("status", "<u4"), ("serial", "<u4"), ("reserved_2", "<u4"), ("sound", "<f4"), ("temperature", "<f4"),
@@ -29,6 +30,7 @@ _DATA = np.dtype(
         ("period", "<f4", 3), ("axes", "<f4", 3), ("axes_fom", "<f4", 3), ("rest", "<f4", 2),
     ]
 )  # fmt: skip
+"""Of a record's data, which bottom and water share."""
 
 
 def _sniff(head: bytes) -> bool:
@@ -46,20 +48,34 @@ def _read(data: bytes, place: str, options: Options) -> Recording:
     bottom = (found.kind == BOTTOM_NUCLEUS) & (found.family == _FAMILY)
     found.where(~bottom).pass_by(account)
     pings = found.where(bottom)
-    short = pings.size < _DATA.itemsize
+    short = pings.size < DATA.itemsize
     account.skip_where(
         "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
     )
     pings = pings.where(~short)
-    fields = fields_at(data, pings.start, _DATA)
-    posix = bool((fields["flags"] & 1).any())
-    table = _table(fields, pings.position, account, options)
-    water = _water(
-        data, found.where((found.kind == WATER_NUCLEUS) & (found.family == _FAMILY)), account, options
-    )
+    water = found.where((found.kind == WATER_NUCLEUS) & (found.family == _FAMILY))
+    water = water.where(water.size >= DATA.itemsize)
+    bottom, water_track = ((fields_at(data, one.start, DATA), one.position) for one in (pings, water))
+    return replace(recording_of(bottom, water_track, account, place, options), format=FORMAT.name)
+
+
+Records = tuple[NDArray[Any], Integers]
+"""Fields, as `DATA`, and positions (n,)."""
+
+
+def recording_of(
+    bottom: Records, of_water: Records, account: Account, place: str, options: Options
+) -> Recording:
+    """What records of bottom and of water track hold; the format's name is left to the caller.
+
+    Raises:
+        DataError: where there is none.
+    """
+    posix = bool((bottom[0]["flags"] & 1).any())
+    table, water = _table(*bottom, account, options), _water(*of_water, account, options)
     raise_if_empty(account, place, "bottom-track record of a Nucleus", water, options)
     return Recording(
-        format=FORMAT.name,
+        format="",
         table=table,
         account=account,
         frame="instrument",
@@ -103,16 +119,14 @@ def _table(fields: NDArray[Any], position: Integers, account: Account, options: 
     )
 
 
-def _water(data: bytes, found: Frames, account: Account, options: Options) -> WaterTable | None:
-    """The layer of the water of the water-track records, as cell 1."""
-    records = found.where(found.size >= _DATA.itemsize)
-    every = fields_at(data, records.start, _DATA)
-    on_clock = every["micros"] <= 999_999
-    f = every[on_clock]
+def _water(fields: NDArray[Any], position: Integers, account: Account, options: Options) -> WaterTable | None:
+    """The layer of the water of the records, as cell 1."""
+    on_clock = fields["micros"] <= 999_999
+    f = fields[on_clock]
     good = _flags(f)
     return make_water(
         account,
-        records.position[on_clock],
+        position[on_clock],
         _time_ns(f),
         np.ones(len(f)),
         layer_range_m(np.where(good[:, 3:6], f["distance"], NAN)),
