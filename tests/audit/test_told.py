@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bottomlock import BeamGeometry
+from bottomlock.audit.defects import copies
 from bottomlock.audit.findings import KINDS, finding
 from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import Reference
@@ -57,6 +58,18 @@ def test_two_transducers_that_look_the_same_way() -> None:
     (one,) = found
     assert (one.beams, one.unit) == ((1, 4), "deg")
     assert one.size < 5.0 * one.sd < 1.0
+
+
+@pytest.mark.parametrize(("sign", "told"), [(1, "same numbers in"), (-1, "sign changed")])
+def test_one_channel_twice(sign: int, told: str) -> None:
+    """In four fifths of the pings; the rest, and readings of zero, are others."""
+    y = make_log(46).velocity_mps.copy()
+    y[:960, 3] = sign * y[:960, 0]
+    y[:40] = 0.0
+    (one,) = copies(replace(make_log(46), velocity_mps=y))
+    assert (one.beams, one.unit) == ((1, 4), "of pings")
+    assert one.size == pytest.approx(920 / 1160)
+    assert told in one.text
 
 
 @pytest.mark.parametrize("shift_s", [0.2, -0.35])
