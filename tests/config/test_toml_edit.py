@@ -83,3 +83,29 @@ def test_braces_in_braces_and_quoted_keys_are_edited(text: str, expected: str) -
 def test_what_is_no_toml_is_named() -> None:
     with pytest.raises(ScenarioError, match="case: not valid TOML"):
         edited("[imu\n", {"imu.noise": 0.75}, {"imu.noise": "r"}, place="case")
+
+
+FORMS = (
+    "[imu]\nerrors = { a = 0.5, of = { noise = 1 } }  # of a data sheet\nb = 2\n",
+    "imu = { errors = { noise = 0.5 }, b = 2 }\n[dvl]\na = 1\n",
+    "imu = { b = 2 }  # of a data sheet\n[dvl]\na = 1\n",
+    "imu.errors.noise = 0.5  # of a data sheet\n[dvl]\n",
+    "[imu]\na = 1\n[dvl]\nb = 2\n\n[imu.errors]\nnoise = 3\n[dvl.errors]\nx = 1\n",
+    '[dvl]\ntext = """\n[imu.errors]\nnoise = 1\n"""\nlist = [\n  1, # of a data sheet\n  2,\n]\n',
+)
+
+
+@pytest.mark.parametrize("text", FORMS)
+def test_values_change_and_nothing_else(text: str) -> None:
+    """Braces at any depth, keys with dots, tables out of order, text that looks like a table."""
+    values = {"imu.errors.of.noise": 0.25, "imu.errors.noise": 0.75, "dvl.errors.scale": 0.5}
+    wanted = tomllib.loads(text)
+    for key, value in values.items():
+        *tables, name = key.split(".")
+        at = wanted
+        for part in tables:
+            at = at.setdefault(part, {})
+        at[name] = value
+    result = edited(text, values, dict.fromkeys(values, "tuned: r"), place="case")
+    assert tomllib.loads(result) == wanted
+    assert result.count("of a data sheet") == text.count("of a data sheet")

@@ -30,14 +30,15 @@ def edited(text: str, values: Mapping[str, float], remarks: Mapping[str, str], *
     for key, value in values.items():
         *tables, name = key.split(".")
         table: Any = document
+        braces: list[InlineTable] = []
         for part in tables:
-            table = table.setdefault(part, tomlkit.table())
-        old, new = table.get(name), tomlkit.value(toml_value(value))
-        # The remark of a key in braces stands behind them.
-        noted = table if isinstance(table, InlineTable) else old
+            table = table.setdefault(part, tomlkit.inline_table() if braces else tomlkit.table())
+            braces += [table] if isinstance(table, InlineTable) else []
+        # The remark of a key in braces stands behind the outermost ones.
+        noted = braces[0] if braces else table.get(name)
         own = _own_comment("" if noted is None else noted.trivia.comment, remarks[key])
-        table[name] = new
-        noted = table if isinstance(table, InlineTable) else table[name]
+        table[name] = tomlkit.value(toml_value(value))
+        noted = braces[0] if braces else table[name]
         noted.comment(remarks[key] + own)
         noted.trivia.comment_ws = "  "
     return tomlkit.dumps(document)
