@@ -63,10 +63,10 @@ def test_two_transducers_that_look_the_same_way() -> None:
 @pytest.mark.parametrize(("sign", "told"), [(1, "same numbers in"), (-1, "sign changed")])
 def test_one_channel_twice(sign: int, told: str) -> None:
     """In four fifths of the pings; the rest, and readings of zero, are others."""
-    y = make_log(46).velocity_mps.copy()
+    y = make_log(46, decimals=None).velocity_mps.copy()
     y[:960, 3] = sign * y[:960, 0]
     y[:40] = 0.0
-    (one,) = copies(replace(make_log(46), velocity_mps=y))
+    (one,) = copies(replace(make_log(46, decimals=None), velocity_mps=y))
     assert (one.beams, one.unit) == ((1, 4), "of pings")
     assert one.size == pytest.approx(920 / 1160)
     assert told in one.text
