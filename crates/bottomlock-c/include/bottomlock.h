@@ -282,7 +282,8 @@ const char *bl_version(void);
 bl_status bl_navigator_water(const bl_navigator *navigator, bl_water *water);
 
 // Scale and slip of the speed by the vehicle's drives after the last update; `BL_STATUS_NOT_AVAILABLE` where they are not estimated.
-bl_status bl_navigator_thrust(const bl_navigator *navigator, bl_thrust *drives);
+bl_status bl_navigator_thrust(const bl_navigator *navigator,
+                              bl_thrust *drives);
 
 // The current by depth; `count` is the number of layers, 0 where none is estimated.
 bl_status bl_navigator_layers(const bl_navigator *navigator, bl_layer *layers, size_t capacity, size_t *count);
