@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+import pytest
 
+from bottomlock.errors import DataError
 from bottomlock.io.beam_table import (
     Account,
     BeamTable,
@@ -64,3 +66,21 @@ def test_there_and_back(tmp_path: Path) -> None:
     account = read_account(to)
     assert account["skipped"] == {"bad checksum": {"count": 1, "first_byte": 117, "first": "7f 7f"}}
     assert account["source_sha256"] == hashlib.sha256(b"raw").hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("changed", "match"),
+    [
+        ({"time_ns": [10.0, 20.0]}, "column 'time_ns' is Float64, expected whole numbers"),
+        ({"time_ns": [10, None]}, "row 1: column 'time_ns' is empty"),
+        ({"time_ns": [10, 10]}, "row 1: column 'time_ns' is 10 ns and repeats the time of row 0"),
+        ({"beam2_valid": [1, 2]}, "row 1: column 'beam2_valid' is 2, expected a flag"),
+        ({"beam3_range_m": ["a", "1.0"]}, "row 0: column 'beam3_range_m' is 'a', expected a number"),
+        ({"beam2_valid": [True, True]}, "row 1: column 'beam2_mps' is not finite"),
+    ],
+)
+def test_each_fault_is_named(changed: dict[str, list[object]], match: str) -> None:
+    """Of another program's table, or one that was edited."""
+    frame = small().to_frame().with_columns(**{name: pl.Series(values) for name, values in changed.items()})
+    with pytest.raises(DataError, match=match):
+        BeamTable.from_frame(frame, "t")

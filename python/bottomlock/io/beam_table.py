@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,8 +24,17 @@ from bottomlock.files.atomic_write import read_json, write_parquet
 from bottomlock.files.records import DIGESTS, read_record, sha256_of, write_record
 from bottomlock.files.table_file import read_parquet
 from bottomlock.io.account import Account, Flags, Floats, Integers, Reason
-from bottomlock.io.columns import WATER_ENDING, check_converted, check_valid
-from bottomlock.io.table_columns import TableColumns
+from bottomlock.io.columns import (
+    WATER_ENDING,
+    check_converted,
+    check_rising,
+    check_valid,
+    column_numbers,
+    flags_of,
+    number_series,
+    numbers_of,
+    whole_numbers,
+)
 from bottomlock.support.later import pl
 
 
@@ -88,18 +98,15 @@ class WaterTable:
             DataError: naming the place and the column: for one that is missing or of another type, rows that are not
                 sorted by time and cell, a cell below 1, or a valid beam without a finite velocity and range.
         """
-        columns = TableColumns(
-            frame, place, "expected the columns of a water table (docs/howto/water_track.md)"
-        )
-        beams = columns.beams
+        beams = _beams_of(frame)
         table = cls(
-            time_ns=columns.integers("time_ns", "is empty"),
-            cell=columns.integers("cell", "is empty"),
-            range_m=columns.floats("range_m"),
-            velocity_mps=columns.per_beam("mps", beams),
-            valid=columns.flags_per_beam("valid", beams),
-            quality=columns.per_beam("quality", beams),
-            sd_mps=columns.per_beam("sd_mps", beams),
+            time_ns=whole_numbers(frame, "time_ns", place),
+            cell=whole_numbers(frame, "cell", place),
+            range_m=column_numbers(frame, "range_m", place),
+            velocity_mps=numbers_of(frame, _names("mps", beams), place),
+            valid=flags_of(frame, _names("valid", beams), place),
+            quality=numbers_of(frame, _names("quality", beams), place),
+            sd_mps=numbers_of(frame, _names("sd_mps", beams), place),
         )
         table._check(place)
         return table
@@ -248,27 +255,41 @@ class BeamTable:
             DataError: naming the place and the column: for one that is missing or of another type, a time that is
                 absent or does not rise, or a valid beam without a finite velocity.
         """
-        columns = TableColumns(frame, place, "`bottomlock convert` writes it")
-        beams = columns.beams
-        arrival = columns.series("arrival_ns", pl.Int64())
-        instrument_valid = columns.series("instrument_valid", pl.Boolean())
+        beams = _beams_of(frame)
+        arrival = number_series(frame, "arrival_ns", place, pl.Int64())
+        verdict = column_numbers(frame, "instrument_valid", place)
         table = cls(
-            time_ns=columns.times("time_ns"),
-            velocity_mps=columns.per_beam("mps", beams),
-            valid=columns.flags_per_beam("valid", beams),
-            range_m=columns.per_beam("range_m", beams),
-            quality=columns.per_beam("quality", beams),
-            sd_mps=columns.per_beam("sd_mps", beams),
-            instrument_mps=np.stack([columns.floats(f"instrument_{axis}_mps") for axis in "xyz"], axis=1),
-            instrument_valid=instrument_valid.cast(pl.Int8).fill_null(-1).to_numpy(),
+            time_ns=whole_numbers(frame, "time_ns", place),
+            velocity_mps=numbers_of(frame, _names("mps", beams), place),
+            valid=flags_of(frame, _names("valid", beams), place),
+            range_m=numbers_of(frame, _names("range_m", beams), place),
+            quality=numbers_of(frame, _names("quality", beams), place),
+            sd_mps=numbers_of(frame, _names("sd_mps", beams), place),
+            instrument_mps=numbers_of(frame, [f"instrument_{axis}_mps" for axis in "xyz"], place),
+            instrument_valid=np.where(np.isnan(verdict), -1.0, verdict).astype(np.int8),
             arrival_ns=None
             if arrival.null_count() == frame.height
             else arrival.fill_null(NO_TIME_NS).to_numpy(),
-            stale=columns.flags("stale"),
-            extra={name: columns.floats(name) for name in _extra_names(beams) if name in frame.columns},
+            stale=flags_of(frame, ["stale"], place)[:, 0],
+            extra={
+                name: column_numbers(frame, name, place)
+                for name in _extra_names(beams)
+                if name in frame.columns
+            },
         )
+        check_rising(table.time_ns, "time_ns", place)
         check_valid(table.velocity_mps, table.valid, [f"beam{k + 1}_mps" for k in range(beams)], place)
         return table
+
+
+def _beams_of(frame: pl.DataFrame) -> int:
+    """How many beams the columns are numbered to."""
+    return next(k for k in count() if f"beam{k + 1}_mps" not in frame.columns)
+
+
+def _names(quantity: str, beams: int) -> list[str]:
+    """Of the columns of a quantity of each beam."""
+    return [f"beam{k + 1}_{quantity}" for k in range(beams)]
 
 
 def _extra_names(beams: int) -> list[str]:

@@ -24,12 +24,14 @@ from bottomlock.errors import DataError, ScenarioError, bad_column
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.account import Account
 from bottomlock.io.columns import (
+    check_rising,
     check_valid,
     column_names,
     column_numbers,
     is_code,
     nanoseconds,
     number_series,
+    numbers_of,
     read_rows,
 )
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
@@ -265,13 +267,7 @@ def read_times(
         DataError: as `times_as_they_stand`, and for a time that repeats or goes back.
     """
     times = times_as_they_stand(table, columns, place, least_ns)
-    steps = np.flatnonzero(np.diff(times) <= 0)
-    if steps.size:
-        row = int(steps[0]) + 1
-        what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
-        raise bad_column(
-            place, columns.time, f"is {times[row]} ns and {what} of row {row - 1}", "rising times", row=row
-        )
+    check_rising(times, columns.time, place)
     return times
 
 
@@ -433,16 +429,6 @@ def read_mapped(
         valid = beam_flags(table, valid_names, velocity, columns, place, account)
     check_valid(velocity, valid, velocity_names, place)
     return time_ns, velocity, valid
-
-
-def numbers_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.float64]:
-    """The named columns as numbers (n, columns), NaN where a cell is empty.
-
-    Raises:
-        DataError: as `column_numbers`.
-    """
-    parts = [column_numbers(table, name, place) for name in names]
-    return np.stack(parts, axis=1) if parts else np.empty((table.height, 0))
 
 
 def check_beam_count(place: str, beams: int, geometry_beams: int) -> None:

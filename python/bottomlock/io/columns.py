@@ -124,7 +124,7 @@ def number_series(
     column = named_column(table, name, place)
     if column.dtype == pl.String:
         return numbers_of_text(column, name, place, dtype, words=words)
-    if not column.dtype.is_numeric() and column.dtype != pl.Boolean:
+    if not column.dtype.is_numeric() and column.dtype not in {pl.Boolean, pl.Null}:
         raise bad_column(place, name, f"is {column.dtype}", "numbers")
     return _cast(column, name, place, dtype)
 
@@ -180,6 +180,59 @@ def column_numbers(table: pl.DataFrame, name: str, place: str, *, words: bool = 
     """
     series = number_series(table, name, place, pl.Float64(), words=words)
     return np.array(series.fill_null(np.nan).to_numpy(), dtype=np.float64)
+
+
+def whole_numbers(table: pl.DataFrame, name: str, place: str) -> NDArray[np.int64]:
+    """A column as whole numbers (n,).
+
+    Raises:
+        DataError: for a column that is missing or has other numbers, and naming the row of an empty cell.
+    """
+    series = named_column(table, name, place)
+    if not series.dtype.is_integer():
+        raise bad_column(place, name, f"is {series.dtype}", "whole numbers")
+    if series.null_count():
+        raise bad_column(place, name, "is empty", row=int(series.is_null().arg_max() or 0))
+    return np.asarray(series.to_numpy(), dtype=np.int64)
+
+
+def numbers_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.float64]:
+    """The named columns as numbers (n, columns), NaN where a cell is empty.
+
+    Raises:
+        DataError: as `column_numbers`.
+    """
+    parts = [column_numbers(table, name, place) for name in names]
+    return np.stack(parts, axis=1) if parts else np.empty((table.height, 0))
+
+
+def flags_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
+    """The named columns as flags (n, columns), false where a cell is empty.
+
+    Raises:
+        DataError: as `number_series`, and naming row and column of a number other than 0 and 1.
+    """
+    numbers = numbers_of(table, names, place)
+    wrong = np.argwhere(np.isfinite(numbers) & (numbers != 0.0) & (numbers != 1.0))
+    if wrong.size:
+        row, k = (int(index) for index in wrong[0])
+        raise bad_column(place, names[k], f"is {numbers[row, k]:g}", "a flag", row=row)
+    return np.asarray(numbers == 1.0)
+
+
+def check_rising(times: NDArray[np.int64], name: str, place: str) -> None:
+    """Checks that times of a column, ns (n,), rise strictly.
+
+    Raises:
+        DataError: naming row and column, for a time that repeats or goes back.
+    """
+    steps = np.flatnonzero(np.diff(times) <= 0)
+    if steps.size:
+        row = int(steps[0]) + 1
+        what = "repeats the time" if times[row] == times[row - 1] else "goes back in time from that"
+        raise bad_column(
+            place, name, f"is {times[row]} ns and {what} of row {row - 1}", "rising times", row=row
+        )
 
 
 def check_valid(
