@@ -16,7 +16,7 @@ from bottomlock.audit.closure import (
 )
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD
 from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, find_matrix, line_angle
+from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, line_angle
 from bottomlock.audit.robust import Array, Flags, significant
 from bottomlock.recordings.closure import Order, closure_sd, orders_by_closure
 
@@ -62,12 +62,12 @@ class BeamAssessment:
 
     Attributes:
         full: (n,) pings used: every beam valid, not stale, no zero of a beam that reads zero when lost.
-        solved: number of them with the instrument's velocity.
         matrix: the beam matrix by regression against the instrument's velocity, or None.
         seen: it is observable.
         match: its match with the stated geometry, or None.
         copies: pairs of channels that hold the same numbers.
         parallel: pairs of its channels with different numbers but parallel (or antiparallel) directions.
+        stated: (beams, 3) stated directions times scale in the frame of the instrument's velocity, or None.
         rows: (beams, 3) geometry used for the closure, in the order and with the signs of the log; or None.
         closures: statistics, one for each combination in the null space; empty for three beams.
         slope: of the first closure on the velocity, or None.
@@ -76,12 +76,12 @@ class BeamAssessment:
     """
 
     full: Flags
-    solved: int = 0
     matrix: Matrix | None = None
     seen: bool = False
     match: Match | None = None
     copies: Pairs = ()
     parallel: Pairs = ()
+    stated: Array | None = None
     rows: Array | None = None
     closures: list[Closure] = field(default_factory=list)
     slope: Slope | None = None
@@ -149,30 +149,31 @@ class BeamAssessment:
         return same and ordered and not depends
 
 
-def assess_beams(log: BeamLog, full: Flags, stated: Array | None, copies: Pairs = ()) -> BeamAssessment:
+def assess_beams(
+    log: BeamLog, full: Flags, matrix: Matrix | None, stated: Array | None, copies: Pairs = ()
+) -> BeamAssessment:
     """Assesses the beams of a log: directions, order, signs, tilt, scale, bias and closure.
 
     Args:
         log: the pings.
         full: (n,) pings to use.
+        matrix: by regression of these against the instrument's velocity, or None.
         stated: (beams, 3) stated directions in the frame of the instrument's velocity, or None.
         copies: pairs of channels found before to hold the same numbers.
     """
-    solved, matrix = full & log.solved, None
-    if log.instrument_mps is not None and log.own_frame and log.beams >= 3:
-        matrix = find_matrix(log.velocity_mps[solved], log.instrument_mps[solved])
-    seen = matrix is not None and bool(matrix.observable.all())
-    rows, matched, parallel = stated, None, []
-    if seen and matrix is not None:
-        rows, u = matrix.rows, matrix.directions
-        matched = None if stated is None else match(u, stated)
-        pairs = itertools.combinations(range(log.beams), 2)
-        parallel = [(i, j) for i, j in pairs if (i, j) not in copies and line_angle(u[i], u[j]) < NEAR_RAD]
-    found = BeamAssessment(full, int(solved.sum()), matrix, seen, matched, copies, tuple(parallel), rows)
-    readings = log.velocity_mps[full]
-    if rows is None or len(readings) < LEAST_PINGS or copies or parallel:
+    found = BeamAssessment(full, matrix, stated=stated, rows=stated, copies=copies)
+    if matrix is not None and matrix.observable.all():
+        u, pairs = matrix.directions, itertools.combinations(range(log.beams), 2)
+        found = replace(
+            found, seen=True, rows=matrix.rows, match=None if stated is None else match(u, stated),
+            parallel=tuple(
+                (i, j) for i, j in pairs if (i, j) not in copies and line_angle(u[i], u[j]) < NEAR_RAD
+            ),
+        )  # fmt: skip
+    readings, rows = log.velocity_mps[full], found.rows
+    if rows is None or len(readings) < LEAST_PINGS or copies or found.parallel:
         return found
-    reordered = find_order(readings, rows, FAR_BETTER if seen else BETTER) if log.beams >= 4 else None
+    reordered = find_order(readings, rows, FAR_BETTER if found.seen else BETTER) if log.beams >= 4 else None
     if reordered is not None and not reordered.or_bias:
         one = reordered.orders[0]
         rows = np.array(one.sign)[:, None] * rows[list(one.beam)]

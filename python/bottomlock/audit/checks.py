@@ -42,7 +42,7 @@ def unobservable(log: BeamLog, context: Context) -> Iterator[Finding]:
     if log.instrument_mps is None or not log.own_frame or log.beams < 3 or found.seen:
         return
     if found.matrix is None:
-        yield finding("too_few_pings", found.solved, 0.0, {"least": LEAST_PINGS})
+        yield finding("too_few_pings", (found.full & log.solved).sum(), 0.0, {"least": LEAST_PINGS})
         return
     sds, spread = np.rad2deg(found.matrix.direction_sd_rad), log.instrument_mps[log.solved].std(axis=0)
     told = {"sds": listed(sds, ".2g"), "spread": listed(spread, ".2g")}
@@ -197,7 +197,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
     if (log.beams < 4 and not found.seen) or (stated is not None and found.fits) or not context.packaged:
         return
     fits = list(context.packaged)
-    rows = {one: of.stated_rows for one, of in context.packaged.items()} | {name: stated}
+    rows = {one: of.stated for one, of in context.packaged.items()} | {name: stated}
     readings = log.velocity_mps[found.full]
     sizes = {one: 1e3 * closure_sd(of, readings) for one, of in rows.items() if of is not None}
     known = ", ".join(f"{size:.1f} with {one}" for one, size in sizes.items() if np.isfinite(size))
@@ -206,7 +206,7 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
         "stated": name,
     }
     told["fits"] = f"{', '.join(fits[:-1])} or {fits[-1]}" if len(fits) > 1 else fits[0]
-    only = context.packaged[fits[0]].assessment
+    only = context.packaged[fits[0]]
     if len(fits) == 1 and only.match is not None:
         off = np.rad2deg(only.match.off_rad.max())
         told["basis"] += f" Every beam is within {off:.2f} deg of {fits[0]}, by the instrument's velocity."

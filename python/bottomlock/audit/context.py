@@ -11,8 +11,8 @@ from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import closure_of
 from bottomlock.audit.depth import DepthRate, depth_rate
 from bottomlock.audit.logs import BeamLog, Reference
-from bottomlock.audit.matrix import LEAST_PINGS
-from bottomlock.audit.mounting import Mounting, find_mounting, rows_as_stated
+from bottomlock.audit.matrix import LEAST_PINGS, Matrix, find_matrix
+from bottomlock.audit.mounting import Mounting, find_mounting, platform_rows, rows_as_stated
 from bottomlock.audit.robust import Array
 from bottomlock.audit.water import WaterAgreement, water_agreement
 from bottomlock.io.beam_table import WaterTable
@@ -95,14 +95,26 @@ class Context:
         return np.zeros(3) if self.stated is None else np.asarray(self.stated.lever_arms_p_m).mean(axis=0)
 
     @cached_property
-    def packaged(self) -> dict[str, "Context"]:
-        """The log with each other packaged geometry of as many beams that it fits."""
+    def packaged(self) -> dict[str, BeamAssessment]:
+        """The beams against each other packaged geometry of as many that they fit."""
         names = (one for one in packaged_geometries() if one != self.geometry_name)
         known = {one: read_geometry(one).geometry for one in names}
-        tried = {one: Context(self.log, of, one) for one, of in known.items() if of.beams == self.log.beams}
-        fits = {name: one for name, one in tried.items() if one.assessment.fits}
+        tried = {
+            one: assess_beams(self.log, self.whole, self.matrix, platform_rows(of), self.copies)
+            for one, of in known.items()
+            if of.beams == self.log.beams
+        }
+        fits = {name: one for name, one in tried.items() if one.fits}
         # At rest every order closes alike.
         return {} if len(fits) == len(tried) > 1 else fits
+
+    @cached_property
+    def matrix(self) -> Matrix | None:
+        """The beam matrix by regression against the instrument's velocity, or None."""
+        log, solved = self.log, self.whole & self.log.solved
+        if log.instrument_mps is None or not log.own_frame or log.beams < 3:
+            return None
+        return find_matrix(log.velocity_mps[solved], log.instrument_mps[solved])
 
     @cached_property
     def assessment(self) -> BeamAssessment:
@@ -112,9 +124,9 @@ class Context:
         """
         log = self.log
         if log.beams:
-            found = assess_beams(log, self.whole, self.stated_rows, self.copies)
+            found = assess_beams(log, self.whole, self.matrix, self.stated_rows, self.copies)
             if found.rows is None and found.full.sum() >= LEAST_PINGS and self.packaged and not self.copies:
-                found = replace(found, closures=next(iter(self.packaged.values())).assessment.closures)
+                found = replace(found, closures=next(iter(self.packaged.values())).closures)
             return found
         none = BeamAssessment(full=np.zeros(log.pings, dtype=bool))
         if log.error_velocity_mps is not None:

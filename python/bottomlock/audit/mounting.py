@@ -92,6 +92,11 @@ PARTS = {
 """By the kind of their findings."""
 
 
+def platform_rows(geometry: BeamGeometry) -> Array:
+    """(beams, 3) directions times scale, platform frame."""
+    return geometry.sound_speed_scale * np.asarray(geometry.directions_p)
+
+
 def rows_as_stated(geometry: BeamGeometry, rpy_rad: Array, log: BeamLog) -> tuple[Array, Array]:
     """Stated rows (beams, 3) in the frame of the instrument's velocity, and the roll, pitch, yaw (3,) of that frame.
 
@@ -103,7 +108,7 @@ def rows_as_stated(geometry: BeamGeometry, rpy_rad: Array, log: BeamLog) -> tupl
         rpy_rad: (3,) the mounting that it contains.
         log: the pings.
     """
-    in_platform = geometry.sound_speed_scale * np.asarray(geometry.directions_p)
+    in_platform = platform_rows(geometry)
     in_own = from_angles(*rpy_rad).inv().apply(in_platform)
     if not rpy_rad.any() or log.instrument_mps is None or not log.own_frame or log.beams < 3:
         return in_own, rpy_rad
