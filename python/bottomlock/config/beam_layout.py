@@ -1,6 +1,5 @@
 """The beams of a DVL as a scenario and a geometry file state them."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -22,16 +21,6 @@ def _not_in_radians(tilt_deg: float) -> float:
             "is it in radians?"
         )
     return tilt_deg
-
-
-def check_tilts(tilts_deg: Sequence[float]) -> None:
-    """Rejects three or more beams of which none is tilted enough to be that of a DVL.
-
-    Raises:
-        ValueError: naming the greatest tilt and the likely mistake.
-    """
-    if len(tilts_deg) >= 3:
-        _not_in_radians(max(abs(tilt) for tilt in tilts_deg))
 
 
 BeamTilt = Annotated[float, Field(gt=0, lt=90), AfterValidator(_not_in_radians)]
@@ -79,7 +68,8 @@ class BeamDirections(Section):
             tilts_deg = self.tilts_deg or ()
             if not tilts_deg or len(self.azimuths_deg or ()) != len(tilts_deg):
                 raise ValueError("configuration 'angles' needs azimuths_deg and tilts_deg of the same length")
-            check_tilts(tilts_deg)
+            if len(tilts_deg) >= 3:
+                _not_in_radians(max(abs(tilt) for tilt in tilts_deg))
         if self.configuration == "directions" and not self.directions:
             raise ValueError("configuration 'directions' needs directions, one unit vector per beam")
         if self.lever_arms_m is not None and len(self.lever_arms_m) != self.beams:
