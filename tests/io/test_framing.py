@@ -31,13 +31,18 @@ STREAMS["waterlinked-serial"] = [
 ]
 
 
-def in_pieces(name: str, data: bytes, cuts: list[int], beams: int) -> list[Ping]:
-    """The pings of a stream that comes in pieces, with what is held at its end."""
+def read_in_pieces(name: str, data: bytes, cuts: list[int], beams: int) -> tuple[list[Ping], dict[str, int]]:
+    """The pings of a stream that comes in pieces, with what is held at its end, and what was skipped."""
     reader, found, at = PingReader(name, beams), [], 0
     for cut in [*sorted(cuts), len(data)]:
         found += reader.feed(data[at:cut])
         at = cut
-    return found + reader.flush()
+    return found + reader.flush(), dict(reader.skipped)
+
+
+def in_pieces(name: str, data: bytes, cuts: list[int], beams: int) -> list[Ping]:
+    """The pings alone."""
+    return read_in_pieces(name, data, cuts, beams)[0]
 
 
 def same(ping: Ping, table: BeamTable, row: int) -> None:
@@ -91,7 +96,7 @@ def test_any_pieces_give_the_pings_of_the_file(name: str, data: st.DataObject) -
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_damage_in_any_pieces(name: str) -> None:
-    """Bytes lost, changed and put in: pieces or the whole, the pings are the same; one byte at a time among them."""
+    """Bytes lost, changed and put in: pieces or the whole, pings and reasons are the same; also one byte at a time."""
     draw = random.Random(20_260)
     for _ in range(12):
         stream = bytearray(b"".join(draw.choices(STREAMS[name], k=3)))
@@ -100,13 +105,26 @@ def test_damage_in_any_pieces(name: str) -> None:
             end = at + draw.choice([0, 1, 1, 30])
             stream[at:end] = draw.randbytes(draw.choice([0, 1, 3, 20]))
         content = bytes(stream)
-        whole = in_pieces(name, content, [], beams_of(name))
+        whole, skipped = read_in_pieces(name, content, [], beams_of(name))
         cuts = [draw.randrange(len(content)) for _ in range(draw.randrange(20))]
         for pieces in (cuts, list(range(len(content)))):
-            found = in_pieces(name, content, pieces, beams_of(name))
+            found, why = read_in_pieces(name, content, pieces, beams_of(name))
+            assert why == skipped
             assert [(p.time_ns, p.velocity_mps.tobytes(), p.valid.tolist()) for p in found] == [
                 (p.time_ns, p.velocity_mps.tobytes(), p.valid.tolist()) for p in whole
             ]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_damaged_record_of_a_stream_has_its_reason(name: str) -> None:
+    """Of a binary record too, of which the framer sees the damage; the ping after it is read."""
+    good = STREAMS[name][0]
+    bad = bytearray(good)
+    bad[len(good) // 2 + 7 if name != "waterlinked-json" else 1] ^= 0x10
+    reader = PingReader(name, beams_of(name))
+    pings = reader.feed(bytes(bad)) + reader.feed(good) + reader.flush()
+    assert pings
+    assert any(one in {"bad checksum", "truncated", "merged line"} for one in reader.skipped)
 
 
 def test_lines_too_long_are_dropped_whole() -> None:

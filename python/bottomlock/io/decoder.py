@@ -16,7 +16,7 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
 from bottomlock.io.binary_records import BLOCK, blocks
-from bottomlock.io.framing import Framer, Lines
+from bottomlock.io.framing import Binary, Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
     NAN,
@@ -339,20 +339,25 @@ class RecordDecoder(Decoder):
     """
 
     unit = "record"
-    make: Callable[[], Framer] = Framer
+    make: Callable[[], Binary] = field(kw_only=True)
     read: Read = field(kw_only=True)
     kinds: Sequence[int] = ()
 
     def __post_init__(self) -> None:
         """Begins."""
         super().__post_init__()
-        self.framer = self.make()
+        self.framer = self._binary = self.make()
         self._options = RecordOptions(**asdict(self.options))
         self._taken: list[Taken] = []
 
     def feed(self, data: bytes) -> None:
         """Takes bytes."""
-        for record in self.framer.feed(data):
+        records = self._binary.feed(data)
+        if damaged := self._binary.damaged:
+            self._binary.damaged = 0
+            self.account.read += damaged
+            self.account.skip("bad checksum", self.account.read, count=damaged)
+        for record in records:
             self.account.read += 1
             if self.kinds and record[2] not in self.kinds:
                 self.account.pass_by("another kind of record", self.account.read)
@@ -417,7 +422,7 @@ def binary(
     name: str,
     title: str,
     sniff: Callable[[bytes], bool],
-    framer: Callable[[], Framer],
+    framer: Callable[[], Binary],
     read: Read,
     kinds: Sequence[int] = (),
     *,

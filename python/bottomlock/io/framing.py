@@ -89,27 +89,34 @@ class Binary(Framer):
     Args:
         headers: finds the headers in bytes, as the reader of files does.
         longest: bytes of the longest header.
+
+    Attributes:
+        damaged: records so far whose checksum does not fit.
     """
 
     def __init__(self, headers: Callable[[bytes], Headers], longest: int) -> None:
         super().__init__()
         self._headers, self._longest = headers, longest
         self._buffer = b""
+        self.damaged = 0
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
         self._buffer += data
         size, headers = len(self._buffer), self._headers(self._buffer)
         found, behind = [], 0
+        inside = np.zeros(size + 1, dtype=bool)
         for k in np.lexsort((headers.start, headers.end)):
             start, end = int(headers.start[k]), int(headers.end[k])
             if headers.fits[k] and start >= behind:
                 self.dropped += start - behind
                 found.append(self._buffer[start:end])
                 behind = end
+                inside[start:end] = True
         begun = headers.start[(headers.end > size) & (headers.start >= behind)]
         keep = max(behind, min([size - self._longest, *begun.tolist()]))
         self.dropped += keep - behind
+        self.damaged += int((~inside[headers.start] & (headers.start < keep)).sum())
         self._buffer = self._buffer[keep:]
         return found
 

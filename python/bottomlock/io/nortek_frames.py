@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Integers
 from bottomlock.io.binary_records import BLOCK, Headers, Places, blocks, bytes_of, words_at
-from bottomlock.io.framing import Binary, Framer
+from bottomlock.io.framing import Binary
 
 
 def minute_ns(
@@ -131,7 +131,7 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, end, fits, end < start)
 
 
-def framer() -> Framer:
+def framer() -> Binary:
     """Cuts a stream into records."""
     return Binary(_headers, _MOST)
 

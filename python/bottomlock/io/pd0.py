@@ -32,7 +32,7 @@ from bottomlock.io.binary_records import (
     words_at,
 )
 from bottomlock.io.decoder import binary
-from bottomlock.io.framing import Binary, Framer
+from bottomlock.io.framing import Binary
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty, running_sums
@@ -116,7 +116,7 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, last + 2, fits, last - start < _LEAST)
 
 
-def _framer() -> Framer:
+def _framer() -> Binary:
     return Binary(_headers, 6 + 2 * 0xFF + 2)
 
 

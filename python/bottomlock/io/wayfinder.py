@@ -13,7 +13,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.binary_records import BLOCK, Headers, blocks, bytes_of, fields_at, words_at
 from bottomlock.io.decoder import binary
-from bottomlock.io.framing import Binary, Framer
+from bottomlock.io.framing import Binary
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.rows import NAN, Options, make_table, raise_if_empty, running_sums
@@ -53,7 +53,7 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, end, fits, np.zeros(len(start), dtype=bool))
 
 
-def _framer() -> Framer:
+def _framer() -> Binary:
     return Binary(_headers, _HEAD)
 
 
