@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 
 from bottomlock import BeamGeometry
 from bottomlock.audit.defects import copies
 from bottomlock.audit.findings import KINDS, finding
 from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import Reference
-from bottomlock.audit.page import page_of
+from bottomlock.audit.page import closure_figure, geometry_figure, page_of
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.pages.page import Table
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Depths, Inertial
-from tests.audit.synthetic import Array, janus, make_log
+from tests.audit.synthetic import Array, channels, janus, make_log
 from tests.audit.test_mounting import alone, streams
 from tests.oracle import mounting as oracle
 
@@ -139,3 +140,33 @@ def test_the_page_has_a_row_an_estimate() -> None:
     ):
         values = [float(cell.split(" ± ")[0]) for cell in rows[name]]
         np.testing.assert_allclose(values, expected, atol=within)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_figures_show_what_was_estimated() -> None:
+    """Beams where they look, a flipped one as a cross; the histogram holds every ping, and the Gaussian as many."""
+    log = channels(make_log(47), [0, 1, 2, 3], [1, 1, -1, 1])
+    audit = Audit(log, stated=BeamGeometry.janus(np.deg2rad(22.0)))
+    geometry = geometry_figure(audit)
+    assert geometry is not None
+    rings, *points = geometry.axes[0].lines
+    np.testing.assert_allclose(np.asarray(rings.get_ydata(), dtype=float), 22.0, atol=1e-9)
+    for k, point in enumerate(points):
+        azimuth, tilt = (float(np.asarray(of)[0]) for of in (point.get_xdata(), point.get_ydata()))
+        assert tilt == pytest.approx(22.0, abs=0.1)
+        assert np.rad2deg(azimuth) == pytest.approx([45.0, 135.0, -135.0, -45.0][k], abs=0.2)
+        assert point.get_marker() == ("x" if k == 2 else "o")
+    closure = closure_figure(audit)
+    assert closure is not None
+    axes = closure.axes[0]
+    counts = [bar.get_height() for bar in axes.patches if isinstance(bar, Rectangle)]
+    (gaussian,) = axes.lines
+    assert sum(counts) == log.pings
+    assert np.sum(gaussian.get_ydata()) == pytest.approx(log.pings, rel=0.02)
+    assert max(map(abs, axes.get_xlim())) == pytest.approx(6.0 * 20.0, rel=0.2)
+
+
+def test_nothing_observable_has_no_figure() -> None:
+    still = Audit(make_log(48, velocity=np.zeros((600, 3)), sd_mps=0.001, instrument=False))
+    assert geometry_figure(still) is None
+    assert closure_figure(still) is None

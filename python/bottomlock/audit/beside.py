@@ -7,8 +7,8 @@ import numpy as np
 from bottomlock.audit.context import Context
 from bottomlock.audit.depth import WINDOW_S
 from bottomlock.audit.findings import finding, listed
-from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.mounting import AXES, PARTS, Mounting
+from bottomlock.audit.logs import AXES, BeamLog
+from bottomlock.audit.mounting import PARTS, Mounting
 from bottomlock.audit.robust import significant
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.finding import Finding, Severity

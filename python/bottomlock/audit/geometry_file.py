@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from bottomlock.audit.matrix import LEAST_PINGS, azimuth, tilt
-from bottomlock.audit.mounting import ANGLES, Mounting
+from bottomlock.audit.mounting import Mounting
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
-from bottomlock.io.calibrated_file import Calibrated, calibration_lines
+from bottomlock.io.calibrated_file import ANGLES, Calibrated, calibration_lines
 from bottomlock.recordings.robust import sd_about_median
 
 SURE = 5.0

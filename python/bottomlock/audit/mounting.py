@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
-from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.logs import AXES, BeamLog, Reference
 from bottomlock.audit.matrix import find_matrix
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear
+from bottomlock.io.calibrated_file import ANGLES
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.axes import from_angles, to_angles
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded
@@ -74,7 +75,7 @@ class Part:
     lacks: str
 
 
-AXES, ANGLES, DEG = ("x", "y", "z"), ("roll", "pitch", "yaw"), np.rad2deg(1.0)
+DEG = np.rad2deg(1.0)
 PARTS = {
     "misalignment": Part(
         "mounting", ANGLES, "rpy_rad", "misalignment_sd_rad", 0.05 / DEG, 1.0 / DEG, 1.0 / DEG, DEG, "deg", "+.2f",
