@@ -152,8 +152,9 @@ def unlocked(y: Array, valid: bool, own_valid: bool | None) -> BeamLog:
         unlocked(np.full((300, 4), np.nan), valid=False, own_valid=None),
         unlocked(np.zeros((300, 4)), valid=True, own_valid=None),
         unlocked(np.full((300, 4), -10.117), valid=False, own_valid=False),
+        unlocked(np.zeros((300, 0)), valid=True, own_valid=None),
     ],
-    ids=["noise-in-air", "empty", "zeros", "one-number"],
+    ids=["noise-in-air", "empty", "zeros", "one-number", "velocity-alone"],
 )
 def test_a_log_that_never_had_lock(log: BeamLog) -> None:
     for stated in (BeamGeometry.janus(np.deg2rad(22.0)), None):

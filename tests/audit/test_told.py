@@ -113,6 +113,9 @@ def test_every_finding_has_its_parts() -> None:
         assert all((kind.text, kind.evidence, kind.hint)), template
     with pytest.raises(KeyError):
         finding("no_range", 1.0, 0.5)
+    one = finding("beam_bias", 20.0, 0.02, beams=[2], sd=1.0)
+    assert (one.kind, one.place, one.size, one.sd, one.unit) == ("beam_bias", "beam 3", 20.0, 1.0, "mm/s")
+    assert (one.severity, one.expected) == ("warning", "0 mm/s")
 
 
 def test_noise_of_three_beams_is_that_of_their_second_differences() -> None:

@@ -33,7 +33,7 @@ class Kind:
     Attributes:
         severity: of most; a check may state another.
         unit: of the size.
-        text, evidence, hint: as `Finding` has them.
+        text, evidence, hint, expected: as `Finding` has them.
     """
 
     severity: Severity
@@ -41,11 +41,13 @@ class Kind:
     text: str
     evidence: str
     hint: str
+    expected: str = ""
 
 
 _TIME = Kind(
     "fault", "pings", "{size:.0f} of {pings} pings {what}.", "First in row {row}: {after} ns after {before} ns.",
     "Use the instrument's time of validity instead of the host's, or drop these rows before `bottomlock fix`.",
+    "rising times",
 )  # fmt: skip
 _READER = Kind(
     "note", "records", "{size:.0f} of {read:.0f} records of the recording {what}: {name}.", "First: {first}.",
@@ -58,7 +60,7 @@ _ORDER = Kind(
 _THIS_IS = Kind("note", "geometries", "This is {fits}.", "{basis}", "Audit and solve with --geometry {fits}.")
 _PART = Kind(
     "warning", "", "The {what} of the DVL is {listed} {unit}, stated is {stated}.", "{basis}",
-    "Set it for the DVL, or let the filter estimate it.",
+    "Set it for the DVL, or let the filter estimate it.", "{stated} {unit}",
 )  # fmt: skip
 KINDS = {
     "never_locked": Kind(
@@ -78,6 +80,7 @@ KINDS = {
         "warning", "pings", "{size:.0f} pings ({percent:.2g} %) repeat the whole ping before them unchanged.",
         "{chance:.2g} are expected by chance; first in row {row}, longest run {longest} pings.",
         "Drop them: a repeated reading is an old velocity, and is not independent of the ping before.",
+        "new readings",
     ),
     "stuck_beam": Kind(
         "fault", "pings", "{Beams} is stuck at {value:.3f} m/s for {size:.0f} pings, {percent:.2g} % of its own.",
@@ -88,7 +91,7 @@ KINDS = {
         "fault", "pings",
         "{Beams} is flagged valid with a velocity of exactly zero in {size:.0f} pings ({percent:.2g} %).",
         "{usual:.2g} are expected at a resolution of {quantum:.2g} m/s; first in row {row}.",
-        "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.",
+        "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.", "a cleared flag",
     ),
     "no_range": Kind(
         "note", "pings", "{Beams} is flagged valid without a range in {size:.0f} pings ({percent:.2g} %).",
@@ -109,6 +112,7 @@ KINDS = {
         "{Beams} is {size:.1f} times noisier than the others: {own:.1f} mm/s against {others:.1f} mm/s.",
         "Third differences of {pings} pings; they predict a closure of {predicted:.1f} mm/s, it is {closure:.1f}.",
         "Give it its own noise (beam_noise_mps of each beam) or leave it out, and look at the transducer.",
+        "{others:.1f} mm/s",
     ),
     "identical_beams": Kind(
         "fault", "of pings", "{Beams} hold the same numbers{reverse} in {percent:.3g} % of {pings} pings.",
@@ -175,12 +179,13 @@ KINDS = {
         "warning", "%",
         "The scale of {beams} differs from that of the instrument's velocity by up to {signed:+.2f} %.",
         "Scales {scales}.", "If common, only one of the two is corrected for the speed of sound; else a beam's fault.",
+        "the scale of the velocity",
     ),
     "beam_bias": Kind(
         "warning", "mm/s",
         "{Beams} has a bias of {size:+.1f} mm/s against the instrument's velocity and the other beams.",
         "± {sd:.1g} mm/s. The part that the instrument has included in its velocity is not observable.",
-        "Subtract it, or let the filter estimate beam biases.",
+        "Subtract it, or let the filter estimate beam biases.", "0 mm/s",
     ),
     "closure_depends_on_velocity": Kind(
         "fault", "mm/s",
@@ -193,7 +198,7 @@ KINDS = {
         "The median closure is {size:+.1f} mm/s: at least one beam has a bias, or a scale or direction that a steady "
         "course shows as one.",
         "± {sd:.1g} mm/s over {pings} pings. The three combinations of biases that act like a velocity do not show.",
-        "Let the filter estimate beam biases; compare at rest on the bottom.",
+        "Let the filter estimate beam biases; compare at rest on the bottom.", "0 mm/s",
     ),
     "heavy_tails": Kind(
         "warning", "of pings",
@@ -201,6 +206,7 @@ KINDS = {
         "the noise were Gaussian.",
         "Median |e| {middle:.1f}, robust sigma {robust:.1f}, 95 % {p95:.0f}, 99 % {p99:.0f}, largest {top:.0f} mm/s.",
         "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
+        "0.27 % beyond three sigmas",
     ),
     "depth_not_observable": Kind(
         "note", "",
@@ -209,16 +215,17 @@ KINDS = {
     ),
     "z_points_up": Kind(
         "fault", "", "The z axis of the velocity points up: the depth increases when z is negative.", "{basis}",
-        "Rotate the velocity to forward, right, down before using it.",
+        "Rotate the velocity to forward, right, down before using it.", "a slope of +1",
     ),
     "vertical_scale": Kind(
         "warning", "%", "The depth changes by {size:+.1f} % more than the integrated vertical velocity.", "{basis}",
-        "Check the tilt of the beams and the sound speed.",
+        "Check the tilt of the beams and the sound speed.", "a slope of +1",
     ),
     "water_scale": Kind(
         "warning", "", "The beams of the water read {size:.2f} times the speed through it.", "{basis}",
         "Check sign, unit and speed of sound of the water's velocities (a beam reads positive when the vehicle moves "
         "along it), and whether the vehicle steers against a varying current.",
+        "1",
     ),
     "mounting_not_observable": Kind(
         "note", "",
@@ -242,6 +249,7 @@ KINDS = {
     "imu_axes": Kind(
         "fault", "axes", "Opposite to the attitude's: the IMU's {axes}{left}.",
         "Rates of the IMU against the attitude: diagonal {diagonal}.", "Reverse it for accelerometer and gyro.",
+        "a diagonal of +1",
     ),
     "imu_clock_offset": Kind(
         "fault", "s", "The IMU's clock differs from the attitude's: IMU time is the attitude's time {size:+.3f} s.",
@@ -277,10 +285,12 @@ def finding(
     words = beam_words(beams)
     numbers = {"size": size, "sd": sd, "percent": 100.0 * weight, "beams": words, "Beams": words.capitalize()}
     told = numbers | (told or {})
-    text, evidence, hint = (one.format(**told) for one in (kind.text, kind.evidence, kind.hint))
+    text, evidence, hint, expected = (
+        one.format(**told) for one in (kind.text, kind.evidence, kind.hint, kind.expected)
+    )
     return Finding(
-        template.partition("/")[0], severity or kind.severity, float(weight), text, evidence, hint, size=float(size),
-        unit=kind.unit, beams=tuple(beam + 1 for beam in beams), sd=float(sd),
+        template.partition("/")[0], severity or kind.severity, float(weight), text, evidence, hint,
+        expected=expected, size=float(size), sd=float(sd), unit=kind.unit, beams=tuple(beam + 1 for beam in beams),
     )  # fmt: skip
 
 
