@@ -69,13 +69,7 @@ class Frames:
 
     def where(self, chosen: Flags) -> "Frames":
         """The chosen ones."""
-        return Frames(
-            self.position[chosen],
-            self.kind[chosen],
-            self.family[chosen],
-            self.start[chosen],
-            self.size[chosen],
-        )
+        return self if chosen.all() else Frames(*(each[chosen] for each in vars(self).values()))
 
     def pass_by(self, account: Account) -> None:
         """Counts all of them by their names."""

@@ -211,6 +211,8 @@ class Ensembles:
 
     def where(self, chosen: Flags) -> Self:
         """The chosen ones."""
+        if chosen.all():
+            return self
         return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
 
     def beams(self, velocity: Floats, owner: Integers, angle_deg: int) -> Floats:
