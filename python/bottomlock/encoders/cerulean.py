@@ -12,7 +12,6 @@ from bottomlock.encoders.fields import decimal, steps_of
 from bottomlock.encoders.framing import cerulean_sentence
 from bottomlock.encoders.ping import Instrument, Ping
 
-NAME = "cerulean-dvkfc"
 _RANGE_CONFIDENCE, _LOST_CONFIDENCE, _VELOCITY_CONFIDENCE = 80.0, 4.0, 6.283185
 _LATEST_US = 10**15 - 1
 

@@ -17,7 +17,6 @@ from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 from bottomlock.io.nortek_ascii import NO_VELOCITY_MPS, TILT_RAD
 
-NAME = "nortek-dvl"
 _FAMILY = 0x16
 _VELOCITY, _DISTANCE, _FOM = 0, 4, 8
 _AXES, _AXES_FOM = 12, 16

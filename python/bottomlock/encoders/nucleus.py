@@ -13,7 +13,6 @@ from bottomlock.encoders.framing import nortek_frame
 from bottomlock.encoders.nortek_dvl import axes_and_fom, beam_range, beam_velocity, bottom_and_water, echo_s
 from bottomlock.encoders.ping import Ping
 
-NAME = "nucleus"
 _FAMILY = 0x20
 _POSIX = 1
 _SERIAL = 4711

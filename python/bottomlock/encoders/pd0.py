@@ -15,7 +15,6 @@ from bottomlock.encoders.framing import pd0_wrap
 from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 
-NAME = "pd0"
 BAD = -32768
 _CORRELATION, _LOST_CORRELATION = 200, 20
 _CONFIGURED_DEG = {15: 0, 20: 1, 30: 2}

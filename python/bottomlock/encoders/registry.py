@@ -1,6 +1,6 @@
 """The encoders by name; the names are those of the readers in `bottomlock.io.formats`.
 
-A new one is a module with `NAME` and `encode(ping, instrument)`, and a line in `FORMATS`.
+A new one is a module with `encode(ping, instrument)`, and a line in `FORMATS`.
 """
 
 from collections.abc import Callable
@@ -21,32 +21,24 @@ class Format:
 
     Attributes:
         name: as the reader's.
-        title: of the instrument.
         beams: that a record holds.
         encode: bytes of a ping.
         commands: makes what answers the commands of its clients; None where they are not answered.
     """
 
     name: str
-    title: str
     beams: int
     encode: Callable[[Ping, Instrument], bytes]
     commands: type[waterlinked_json.Commands] | None = None
 
 
 FORMATS = (
-    Format(waterlinked_json.NAME, "Water Linked TCP", 4, waterlinked_json.encode, waterlinked_json.Commands),
-    Format(
-        waterlinked_serial.NAME,
-        "Water Linked serial",
-        4,
-        waterlinked_serial.encode,
-        waterlinked_serial.SerialCommands,
-    ),
-    Format(pd0.NAME, "Teledyne PD0, beams", 4, pd0.encode),
-    Format(nortek_dvl.NAME, "Nortek DVL500, DVL1000, DF21", 4, nortek_dvl.encode),
-    Format(nucleus.NAME, "Nortek Nucleus1000", 3, nucleus.encode),
-    Format(cerulean.NAME, "Cerulean Tracker 650", 3, cerulean.encode),
+    Format("waterlinked-json", 4, waterlinked_json.encode, waterlinked_json.Commands),
+    Format("waterlinked-serial", 4, waterlinked_serial.encode, waterlinked_serial.SerialCommands),
+    Format("pd0", 4, pd0.encode),
+    Format("nortek-dvl", 4, nortek_dvl.encode),
+    Format("nucleus", 3, nucleus.encode),
+    Format("cerulean-dvkfc", 3, cerulean.encode),
 )
 NAMES = tuple(one.name for one in FORMATS)
 

@@ -17,7 +17,6 @@ from bottomlock.encoders.fields import NO_FOM_MPS, decimal, steps_of
 from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.io.columns import LATEST_NS
 
-NAME = "waterlinked-json"
 FORMAT = "json_v3.3"
 _RSSI_DBM, NSD_DBM = -40.0, -95.0
 

@@ -18,8 +18,6 @@ from bottomlock.encoders.waterlinked_json import MOST_BYTES, NSD_DBM, Commands, 
 from bottomlock.errors import DataError
 from bottomlock.io.columns import LATEST_NS
 
-NAME = "waterlinked-serial"
-
 
 def _velocity(ping: Ping, *, altitude: bool = True) -> str:
     """The fields of `wrz` behind its name; those of `wrs` without the altitude."""
