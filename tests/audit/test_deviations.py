@@ -1,0 +1,97 @@
+"""Errors over their 1 sigma: of a median, a bias, a slope's probability; and what the page says of the water."""
+
+import numpy as np
+import pytest
+
+from bottomlock.audit.closure import closure_of, closure_slope, null_space
+from bottomlock.audit.matrix import find_matrix
+from bottomlock.audit.page import page_of
+from bottomlock.audit.robust import resolution
+from bottomlock.audit.run import Audit, numbers_of
+from bottomlock.pages.page import Table
+from tests.audit.synthetic import Array, janus, make_log, motion
+from tests.audit.test_water import audited
+
+WEIGHTS = np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def rms(values: list[float] | Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize("lasting", [1, 5])
+def test_median_of_a_closure(lasting: int) -> None:
+    """200 logs of noise, white or that lasts five pings: the RMS of error over sigma has a deviation of 5 %."""
+    rng = np.random.default_rng(7)
+    off = []
+    for _ in range(200):
+        y = np.repeat(rng.normal(size=(600 // lasting, 4)), lasting, axis=0)
+        one = closure_of(WEIGHTS, y)
+        off.append(one.median_mps / one.median_sd_mps)
+        assert one.sigma_mps == pytest.approx(2.0, rel=0.35)
+        assert one.p99_mps == pytest.approx(2.0 * 2.58, rel=0.4)
+        assert not one.heavy
+    assert 0.8 < rms(off) < 1.2
+
+
+def test_bias_of_a_beam() -> None:
+    """24 logs beside a velocity without noise, and no bias: error over sigma, four beams each."""
+    off = []
+    for seed in range(24):
+        log = make_log(200 + seed, pings=400, decimals=None)
+        own = motion(np.random.default_rng(200 + seed), 400)
+        found = find_matrix(log.velocity_mps, own)
+        assert found is not None
+        off += list(found.bias_mps / found.bias_sd_mps)
+    assert 0.7 < rms(off) < 1.4
+
+
+def test_probability_of_a_slope() -> None:
+    """Of 40 right matrices none is accused, and half have more than 0.2.
+
+    It is not even: with slow motion a few blocks count for most, and a quarter of right matrices has less than 0.1.
+    """
+    values, rows = [], janus()
+    for seed in range(40):
+        rng = np.random.default_rng(300 + seed)
+        y = motion(rng, 800) @ rows.T + 0.02 * rng.normal(size=(800, 4))
+        slope = closure_slope(y @ null_space(rows)[:, 0], y @ np.linalg.pinv(rows).T, np.arange(800))
+        assert slope is not None
+        assert not slope.material
+        values.append(slope.p_value)
+    assert 0.2 < np.median(values) < 0.6
+    assert min(values) > 1e-4
+
+
+def test_resolution_of_readings_that_binary_numbers_only_come_near() -> None:
+    assert resolution(np.array([0.1, 0.1 + 1e-12, 0.2, 0.3, np.nan])) == 0.1
+    assert resolution(np.array([1.5, 1.5])) == 0.0
+
+
+def test_the_page_tells_of_the_water_in_its_units() -> None:
+    audit = audited()
+    water = audit.water
+    assert water is not None
+    (part,) = (one for one in page_of(audit, numbers_of(audit)).parts if one.id == "estimates")
+    (table,) = part.blocks
+    assert isinstance(table, Table)
+    told = {
+        row[1]: [float(one.split(" ± ")[0]) for one in row[2].split(", ")]
+        for row in table.rows
+        if row[0] == "water"
+    }
+    for name, expected in (
+        ("current to north and east, m/s", water.current_mps),
+        ("its drift, m/s in an hour", water.drift_mps_per_h),
+        ("current of one ping, 1 sigma, m/s", water.ping_sd_mps),
+        ("water_track.noise_mps of a case", [water.beam_sd_mps]),
+        ("factor of the water's readings", [water.scale]),
+    ):
+        np.testing.assert_allclose(told[name], expected, rtol=1e-4)
+
+
+def test_three_beams_are_told_to_have_no_closure() -> None:
+    three, four = (Audit(make_log(50, physical=janus()[:k])) for k in (3, 4))
+    texts = [page_of(one, numbers_of(one)).about for one in (three, four)]
+    assert ["no closure" in text for text in texts] == [True, False]
+    assert f"{three.log.pings} with 3; {three.log.pings} full pings used" in texts[0]
