@@ -68,6 +68,8 @@ class _Decoder(TableDecoder):
             for k, name in enumerate(_TRIPLES):
                 row[name] = values[1 + 3 * k : 4 + 3 * k]
         self._found[kind].append((position, row))
+        if kind == WATER_NUCLEUS:
+            self.account.pass_by(name_of(kind), position)
         return True
 
     def recording(self) -> Recording:
