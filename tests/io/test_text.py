@@ -237,9 +237,11 @@ def test_captures_of_json(capture: str) -> None:
 
 def test_dvext_recorded_example() -> None:
     """Sentences that a DVL-75 sent: without lock, and with one channel lost."""
-    recording = cerulean.DVL75.read(seeds.DVEXT, "log")
+    gps = seeds.nmea(b"GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W")
+    recording = cerulean.DVL75.read(gps + seeds.DVEXT, "log")
     table = recording.table
     assert not recording.account.skipped
+    assert recording.account.other.keys() == {"$GPRMC", "$DVPDL"}
     assert table.valid.tolist() == [[False] * 4, [True, True, False, True]]
     assert table.velocity_mps[1].tolist() == [-0.0086, -0.0169, 0.0, -0.0608]
     np.testing.assert_array_equal(table.range_m, [[math.nan] * 4, [0.371, 0.391, math.nan, 0.371]])

@@ -83,7 +83,8 @@ _SECONDS, _LOCKS, _LAST = 14, slice(23, 27), 35
 class _Dvl75(SentenceDecoder):
     """The channels of every `$DVEXT`."""
 
-    form = SentenceDecoder.pattern(rb"DV[A-Z]{2,4}", 600)
+    # It passes on the sentences of a GPS.
+    form = SentenceDecoder.pattern(rb"[A-Z]{4,6}", 600)
     wanted = (b"DVEXT",)
     frame = "ned"
 
