@@ -4,8 +4,7 @@
 
 mod checks;
 pub(crate) mod setting;
-
-use std::any::Any;
+mod words;
 
 use thiserror::Error;
 
@@ -14,6 +13,8 @@ pub(crate) use self::checks::{
     UNIT, require_angle_sd, require_finite, require_finite_squares, require_magnitude, require_non_negative,
     require_plausible, require_positive, require_rising,
 };
+pub use self::words::internal;
+use self::words::{before, near, shown};
 
 /// An error of the kernel, for bad input or for a numerical failure.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -382,35 +383,6 @@ impl NavError {
             Self::Setting { hint, .. } => hint,
             _ => "",
         }
-    }
-}
-
-/// The known name that is nearest to an unknown one, in words; nothing where none is alike.
-fn near(name: &str, known: &str) -> String {
-    let known: Vec<&str> = known.split(", ").collect();
-    setting::nearest(name, &known).map_or(String::new(), |near| format!("; did you mean '{near}'?"))
-}
-
-/// The message of a panic, which is a fault of the kernel itself.
-#[must_use]
-pub fn internal(panic: &(dyn Any + Send)) -> String {
-    let words = panic.downcast_ref::<String>().map(String::as_str);
-    let words = words.or_else(|| panic.downcast_ref::<&str>().copied());
-    let words = words.unwrap_or("no words");
-    format!("internal error of the kernel, please report it with the call: {words}")
-}
-
-/// What stands before a part of a message that may be empty.
-fn before<'a>(words: &'a str, part: &str) -> &'a str {
-    if part.is_empty() { "" } else { words }
-}
-
-/// A number in a message, without hundreds of digits.
-fn shown(value: f64) -> String {
-    if value == 0.0 || (1e-9..1e15).contains(&value.abs()) {
-        value.to_string()
-    } else {
-        format!("{value:e}")
     }
 }
 

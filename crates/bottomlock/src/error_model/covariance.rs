@@ -207,8 +207,12 @@ fn propagate<S: Simd, T: Strips<S>>(
     first: &HalfNoise<T>,
     second: &HalfNoise<T>,
 ) {
-    first.add_to(p);
     let wide = DYNAMIC.next_multiple_of(<T::Wide as Strip<S, T>>::WIDTH);
+    if <T::Wide as Strip<S, T>>::WIDTH == 1 {
+        first.add_to(p);
+    } else {
+        first.add_to_rows::<S, T::Wide>(simd, p, wide);
+    }
     multiply::<S, T, T::Wide>(simd, p, phi, 0..wide);
     multiply::<S, T, T::Rest>(simd, p, phi, wide..DIM);
     multiply_transposed::<S, T, T::Wide>(simd, p, phi);

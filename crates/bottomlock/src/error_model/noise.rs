@@ -5,7 +5,7 @@
 use super::ProcessNoise;
 use super::covariance::Matrix;
 use crate::layout::{ACCEL_BIAS, ATTITUDE, BIASED_BEAMS, DVL_BIAS, DVL_SCALE, GYRO_BIAS, VELOCITY};
-use crate::simd::{Lane, M3, V3, cross, scale, transposed};
+use crate::simd::{Lane, M3, Simd, Strip, V3, cross, scale, transposed};
 
 /// G Q Gᵀ T/2 (isotropic noise, so R Q Rᵀ = Q) as the blocks that are not zero.
 #[derive(Clone, Copy)]
@@ -71,6 +71,34 @@ impl<T: Lane> HalfNoise<T> {
             }
         }
         self.add_to_upper(p);
+    }
+
+    /// The same by strips of the rows up to `wide`, as a transition then takes them: a strip that is read just after a part of it was
+    /// written by itself waits until that is in the cache.
+    #[inline(always)]
+    pub(super) fn add_to_rows<S: Simd, W: Strip<S, T>>(&self, simd: S, p: &mut Matrix<T>, wide: usize) {
+        for i in 0..3 {
+            for j in (0..wide).step_by(W::WIDTH) {
+                let of = |k: usize| (j..j + W::WIDTH).contains(&k).then(|| k - j);
+                let mut tilt = W::take(simd, &p[ATTITUDE + i][j..]);
+                let mut velocity = W::take(simd, &p[VELOCITY + i][j..]);
+                if let Some(k) = of(ATTITUDE + i) {
+                    tilt = tilt.plus_at(k, self.attitude);
+                }
+                for l in 0..3 {
+                    if let Some(k) = of(VELOCITY + l) {
+                        tilt = tilt.plus_at(k, self.across[l][i]);
+                        velocity = velocity.plus_at(k, self.velocity[i.max(l)][i.min(l)]);
+                    }
+                    if let Some(k) = of(ATTITUDE + l) {
+                        velocity = velocity.plus_at(k, self.across[i][l]);
+                    }
+                }
+                tilt.put(&mut p[ATTITUDE + i][j..]);
+                velocity.put(&mut p[VELOCITY + i][j..]);
+            }
+        }
+        self.add_to_steady(p);
     }
 
     /// The same on and above the diagonal alone.

@@ -23,6 +23,9 @@ pub trait Strip<S: Simd, T>: Lift<T> {
     fn take(simd: S, from: &[T]) -> Self;
     /// The same way back.
     fn put(&self, into: &mut [T]);
+    /// With an element added to the neighbour at a place.
+    #[must_use]
+    fn plus_at(self, place: usize, element: T) -> Self;
     /// Elements (i, l), (i + 1, l), … of a matrix that [`Strips::turn_matrix`] has turned.
     fn turned(simd: S, p: &[[T; DIM]; DIM], i: usize, l: usize) -> Self;
 }
@@ -54,6 +57,10 @@ impl<S: Simd, T: Lane> Strip<S, T> for T {
     #[inline(always)]
     fn put(&self, into: &mut [T]) {
         into[0] = *self;
+    }
+    #[inline(always)]
+    fn plus_at(self, _place: usize, element: T) -> T {
+        self + element
     }
     #[inline(always)]
     fn turned(_simd: S, p: &[[T; DIM]; DIM], i: usize, l: usize) -> T {
@@ -101,6 +108,11 @@ macro_rules! strip {
             #[inline(always)]
             fn put(&self, into: &mut [f64]) {
                 Lanes::store(self, &mut into[..$count]);
+            }
+            #[inline(always)]
+            fn plus_at(self, place: usize, element: f64) -> Self {
+                let place = Lane::each(self, |k| f64::from(u8::from(k == place)));
+                place.simd_eq(1.0).select(self + element, self)
             }
             #[inline(always)]
             fn turned(simd: S, p: &[[f64; DIM]; DIM], i: usize, l: usize) -> Self {
