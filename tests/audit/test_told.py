@@ -1,8 +1,10 @@
 """Kinds of findings that take a log of their own, with their numbers; and what the page says of the estimates."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from matplotlib.patches import Rectangle
 
@@ -10,9 +12,10 @@ from bottomlock import BeamGeometry
 from bottomlock.audit.defects import copies
 from bottomlock.audit.findings import KINDS, finding
 from bottomlock.audit.geometry_file import geometry_text
-from bottomlock.audit.logs import Reference
+from bottomlock.audit.logs import Reference, read_log
 from bottomlock.audit.page import closure_figure, geometry_figure, page_of
 from bottomlock.audit.run import Audit, numbers_of
+from bottomlock.io.beams import Columns
 from bottomlock.pages.page import Table
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Depths, Inertial
@@ -173,3 +176,54 @@ def test_nothing_observable_has_no_figure() -> None:
     still = Audit(make_log(48, velocity=np.zeros((600, 3)), sd_mps=0.001, instrument=False))
     assert geometry_figure(still) is None
     assert closure_figure(still) is None
+
+
+def test_a_common_scale_is_written_as_a_speed_of_sound() -> None:
+    """The beams read 2 % more than the velocity; half a per cent is none, and each row names its beam."""
+    for factor, expected in ((1.02, 1.02), (1.003, None)):
+        log = make_log(49, decimals=None)
+        assert log.instrument_mps is not None
+        audit = Audit(replace(log, instrument_mps=log.instrument_mps / factor))
+        lines = geometry_text(audit).splitlines()
+        found = [float(one.split()[2]) for one in lines if one.startswith("sound_speed_scale")]
+        assert found == ([] if expected is None else [pytest.approx(expected, abs=1e-3)])
+        assert [one.split("# beam ")[1][0] for one in lines if "# beam " in one] == list("1234")
+        matrix = audit.assessment.matrix
+        assert matrix is not None
+        sds = [one.sd for one in audit.findings if one.kind == "scale"]
+        assert all(sd in 100.0 * matrix.scale_sd for sd in sds)
+        assert len(sds) == (expected is not None)
+
+
+@pytest.mark.parametrize(("factor", "is_told"), [(2.0, False), (3.2, True), (8.0, True)])
+def test_how_noisy_a_beam_is(factor: float, is_told: bool) -> None:
+    """From two and a half times the noise of the others it is told, with its factor."""
+    log, rng = make_log(51, instrument=False, decimals=None, pings=4000), np.random.default_rng(51)
+    y = log.velocity_mps + 0.01 * np.sqrt(factor**2 - 1.0) * rng.normal(size=(4000, 1)) * [0.0, 1.0, 0.0, 0.0]
+    stated = BeamGeometry.janus(np.deg2rad(22.0))
+    found = [
+        one for one in Audit(replace(log, velocity_mps=y), stated=stated).findings if one.kind == "noisy_beam"
+    ]
+    assert [one.beams for one in found] == [(2,)] * is_told
+    assert [one.size for one in found] == pytest.approx([factor] * is_told, rel=0.1)
+
+
+def test_closure_of_beams_of_which_nothing_is_stated() -> None:
+    """That of the packaged geometries that close."""
+    (closure,) = Audit(make_log(52, instrument=False)).assessment.closures
+    np.testing.assert_allclose(closure.weights, [1.0, -1.0, 1.0, -1.0], atol=1e-9)
+    assert closure.beam_sigma_mps == pytest.approx(0.01, rel=0.1)
+
+
+def test_flags_of_a_mapped_log(tmp_path: Path) -> None:
+    """By the columns that the map names, whatever else is there."""
+    names = tuple(f"v{k}" for k in range(4))
+    table = {
+        "time_ns": [0, 10**8],
+        **{name: [0.1, 0.2] for name in names},
+        "good": [1, 0],
+        "beam1_valid": [0, 0],
+    }
+    pl.DataFrame(table).write_csv(tmp_path / "log.csv")
+    log = read_log(tmp_path / "log.csv", Columns(velocity=names, valid=("good",) * 4))
+    assert log.valid.tolist() == [[True] * 4, [False] * 4]
