@@ -109,3 +109,21 @@ def test_values_change_and_nothing_else(text: str) -> None:
     result = edited(text, values, dict.fromkeys(values, "tuned: r"), place="case")
     assert tomllib.loads(result) == wanted
     assert result.count("of a data sheet") == text.count("of a data sheet")
+
+
+def test_a_new_table_does_not_swallow_keys_with_dots() -> None:
+    """The keys that follow stay in their table, so that the new one is in braces."""
+    key = "imu.errors.noise"
+    text = edited("imu.a = 1\nimu.b = 2\n", {key: 0.5}, {key: "r"}, place="case")
+    assert text == "imu.a = 1\nimu.errors = {noise = 0.5}  # r\nimu.b = 2\n"
+
+
+def test_a_new_key_leaves_the_comment_of_the_next_table_where_it_is() -> None:
+    text = edited("[imu]\nb = 1\n\n# of the DVL\n[dvl]\n", {"imu.a": 0.5}, {"imu.a": "r"}, place="case")
+    assert text == "[imu]\nb = 1\na = 0.5  # r\n\n# of the DVL\n[dvl]\n"
+
+
+@pytest.mark.parametrize("text", ["imu = 3\n", "[[imu]]\na = 1\n"])
+def test_a_key_of_what_is_no_table_is_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match=r"^case: imu is no table, expected a table with 'imu\.a'$"):
+        edited(text, {"imu.a": 0.5}, {"imu.a": "r"}, place="case")
