@@ -1,5 +1,6 @@
 """Readers of text records: documented examples, what is lost is counted with its line, nothing is made up."""
 
+import gzip
 import json
 import math
 from pathlib import Path
@@ -318,12 +319,13 @@ def test_linkquest_signs() -> None:
         ("log.csv", seeds.PD6_LOGGED, "PD0"),
         ("log.pd4", b"\x7d\x00\x2d\x00" + bytes(43), "PD0"),
         ("log.txt", seeds.DVEXT.split(b"\n")[0], "DVEXT"),
+        ("log.json.gz", gzip.compress(seeds.a50_report(0)), "unpack"),
     ],
 )
 def test_what_holds_no_beams_is_refused_with_what_to_record(
     name: str, log: bytes, instead: str, tmp_path: Path
 ) -> None:
-    """PD6, also in a logger's CSV, PD4, and displacements of a Cerulean."""
+    """PD6, also in a logger's CSV, PD4, displacements of a Cerulean, and a compressed log."""
     path = tmp_path / name
     path.write_bytes(log)
     with pytest.raises(DataError) as error:
@@ -349,17 +351,37 @@ def test_no_infinity_gets_into_a_table() -> None:
         assert not np.isinf(array).any()
 
 
-@pytest.mark.parametrize("form", ["array", "UTF-16"])
+@pytest.mark.parametrize("data", [b"", b"\r\n \n"])
+def test_an_empty_file_is_called_so(data: bytes, tmp_path: Path) -> None:
+    (tmp_path / "log.json").write_bytes(data)
+    with pytest.raises(DataError, match=r"log\.json: is empty$"):
+        read_recording(tmp_path / "log.json")
+
+
+def test_a_format_that_is_not_the_files_names_the_one_that_it_looks_like(tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    path.write_bytes(seeds.a50_report(0))
+    with pytest.raises(
+        DataError, match=r"^.*: no ensemble with bottom track could be read; skipped: "
+    ) as error:
+        read_recording(path, format="pd0")
+    assert error.value.place == str(path)
+    assert error.value.hint == "it looks like a log of format waterlinked-json: leave --format out"
+
+
+@pytest.mark.parametrize("form", ["array", "UTF-16", "UTF-8"])
 def test_an_array_of_json_and_utf16_hold_the_same_pings(form: str, tmp_path: Path) -> None:
     """As exports write them: one array with an object over many lines, and text with a byte order mark."""
     lines = dvl_bytes(tables(drawn_dive(3, seconds=20.0))["beams"], "waterlinked-json", "waterlinked_a50")
     records = [json.loads(one) for one in lines.splitlines()]
-    other = lines.decode().encode("utf-16") if form == "UTF-16" else json.dumps(records, indent=1).encode()
+    marked = {"UTF-16": "utf-16", "UTF-8": "utf-8-sig"}.get(form)
+    other = lines.decode().encode(marked) if marked else json.dumps(records, indent=1).encode()
     read = []
     for name, data in (("lines.json", lines), ("other.json", other)):
         (tmp_path / name).write_bytes(data)
         read.append(read_recording(tmp_path / name))
     assert read[0].format == read[1].format == "waterlinked-json"
     assert len(read[0].table.time_ns) > 50
+    assert not read[1].account.skipped
     assert np.array_equal(read[0].table.time_ns, read[1].table.time_ns)
     assert np.array_equal(read[0].table.velocity_mps, read[1].table.velocity_mps, equal_nan=True)

@@ -53,8 +53,14 @@ _UNREAD = (
         "$DVPDL and $DVPDX hold displacements and no beams",
         "record $DVKFC (Tracker 650: SEND-DVKFC ON) or $DVEXT (DVL-75: SEND-DVEXT ON)",
     ),
+    (
+        rb"^(\x1f\x8b|BZh[1-9]|\xfd7zXZ|\x28\xb5\x2f\xfd|PK\x03\x04|7z\xbc\xaf)",
+        "is compressed",
+        "unpack it first",
+    ),
+    (rb"^\s*\Z", "is empty", ""),
 )
-"""Marks of records that are known and not read, what they lack, and what to record in their place."""
+"""Marks of what is known and not read, what they lack, and what to record in their place."""
 _TIMES_ITS_SIZE = 10.0
 """Memory that reading a log takes, over its size (measured: PD0 with profiles 9, without 5, Water Linked JSON 3)."""
 
@@ -199,10 +205,10 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
 
 
 def _utf8(data: bytes) -> bytes:
-    """Text in UTF-16, which begins with its byte order mark, as UTF-8; other bytes as they are."""
+    """Text that begins with a byte order mark as UTF-8 without it; other bytes as they are."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "ignore").encode()
-    return data
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def _objects_in_lines(data: bytes) -> bytes:
@@ -243,6 +249,19 @@ def read_recording(path: str | Path, *, format: str | None = None, options: Opti
         raise DataError(f"is '{format}'{hint} expected one of {', '.join(NAMES)}", key="--format")
     _check_there(place)
     name = format or (table.NAME if options.columns is not None else detect(place))
+    try:
+        return _read_as(place, name, options)
+    except DataError as error:
+        looks = None if format is None or place.is_dir() else _recognise(place, _head(place))
+        if looks in {None, format} or error.hint:
+            raise
+        found = str(error).removeprefix(f"{place}: ")
+        hint = f"it looks like a log of format {looks}: leave --format out"
+        raise DataError(found, place=place, hint=hint) from error
+
+
+def _read_as(place: Path, name: str, options: Options) -> Recording:
+    """The pings of a file that is there, in a format of `NAMES`."""
     for by_path in PATHS:
         if by_path.name == name:
             return by_path.read(place, str(place), options)
