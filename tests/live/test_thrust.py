@@ -72,3 +72,18 @@ def test_propulsion_holds_the_velocity(sensor: str, axes: int, share: float, fac
     assert (sd < share * alone)[:axes].all()
     assert engine.state == "COASTING"
     assert dict(engine.estimator.gated) == {}
+
+
+@pytest.mark.parametrize("bad", ["1e30", "1e307", "nan", "-60000"])
+def test_a_damaged_force_costs_itself_alone(bad: str) -> None:
+    """It is counted, and the speed by the forces after it is that of the others."""
+    damaged = [
+        (at, source, data.split(b",")[0] + f",{bad},0,0\n".encode() if k == 40 else data)
+        for k, (at, source, data) in enumerate(lines("effort", 1.0))
+    ]
+    engine, _, sd = flown(SECTIONS["effort"] + SOURCE.format(sensor="effort"), damaged)
+    _, alone = coasting()
+    assert (sd[:2] < 0.5 * alone[:2]).all()
+    source = engine.sources[2]
+    assert source.used == len(damaged) - 1
+    assert bad == "nan" or sum(source.refused.values()) == 1

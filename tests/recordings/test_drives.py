@@ -85,3 +85,17 @@ def test_forces_come_in_the_order_of_their_times() -> None:
         of(EffortReading(500, (-50.0, 0.0, 2.4)), STILL)
     later = EffortReading(2 * 10**9, (20.0, 0.0, 2.4))
     assert of(later, STILL) == other(later, STILL)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30, 1e307, -6.0e4])
+def test_a_force_that_cannot_be_changes_nothing(bad: float) -> None:
+    """56,280 N are the drag at 20 m/s; one damaged reading does not spoil those that follow it."""
+    of, other = SpeedByForces(HULL), SpeedByForces(HULL)
+    for one in (of, other):
+        one(EffortReading(10**9, (50.0, 0.0, 2.4)), STILL)
+    with pytest.raises(KernelError, match=r"force_p_n at 1500000000 ns is .* N, the drag at 20 m/s"):
+        of(EffortReading(15 * 10**8, (bad, 0.0, 2.4)), STILL)
+    with pytest.raises(KernelError, match="omega_p_radps at 1500000000 ns is"):
+        of(EffortReading(15 * 10**8, (50.0, 0.0, 2.4)), np.array([0.0, np.nan, 0.0]))
+    later = EffortReading(2 * 10**9, (20.0, 0.0, 2.4))
+    assert of(later, STILL) == other(later, STILL)

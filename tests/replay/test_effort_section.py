@@ -69,7 +69,9 @@ def write_dive(folder: Path, dive: Dive, text: str = CASE, seed: int = 1) -> Pat
     path = write(folder, dive)
     seconds, force_n = forces_of(dive, seed)
     columns = {"time": seconds, **dict(zip("xyz", force_n.T, strict=True))}
-    write_csv(folder / "thrusters.csv", columns | {"still": 0.0 * seconds, "many": 1e4 * force_n[:, 0]})
+    spiked = np.where(np.arange(len(seconds)) == 20, 1e6, force_n[:, 0])
+    others = {"still": 0.0 * seconds, "many": 1e4 * force_n[:, 0], "spiked": spiked}
+    write_csv(folder / "thrusters.csv", columns | others)
     path.write_text(text, encoding="utf-8")
     return path
 
@@ -152,6 +154,11 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
         ('force = ["x", "y", "z"]', 'force = ["x", "y", "zed"]', "zed"),
         ('force = ["x", "y", "z"]', 'force = ["still", "still", "still"]', "are 0 in every row"),
         ('force = ["x", "y", "z"]', 'force = ["many", "y", "z"]', "check the unit of the forces"),
+        (
+            'force = ["x", "y", "z"]',
+            'force = ["spiked", "y", "z"]',
+            r"1e\+06 N at 10\.550000 s, the first of 1 such",
+        ),
         ("mass_kg = [20.0, 21.0, 32.0]", "mass_kg = [20.0, 0.0, 32.0]", "mass_kg of sway is 0"),
         ("mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),
         ("[14.0, 5.0, 33.0]", "[-14.0, 5.0, 33.0]", "expected >= 0"),

@@ -14,6 +14,18 @@ STEP_S = 0.02
 """Longest step of the speed by forces, s: a tenth of the time in which a small vehicle follows its thrusters."""
 MOST_STEPS = 1000
 """Steps between two forces: after a longer time the speed has long been the steady one."""
+FASTEST_MPS = 20.0
+"""Speed through the water that no vehicle has: a larger one shows a wrong unit, advance, drag or force."""
+
+
+def drag_beyond(section: EffortErrors) -> Floats:
+    """(3,) the drag at `FASTEST_MPS`, N, which no thrusters overcome; infinite along an axis without drag.
+
+    >>> drag_beyond(EffortErrors(mass_kg=(20, 20, 20), quadratic_drag_kg_per_m=(100, 0, 0))).tolist()
+    [40000.0, inf, inf]
+    """
+    linear, quadratic = np.array(section.linear_drag_kg_per_s), np.array(section.quadratic_drag_kg_per_m)
+    return np.where(section.driven, linear * FASTEST_MPS + quadratic * FASTEST_MPS**2, np.inf)
 
 
 def speed_by_revolutions(section: ThrustErrors) -> Callable[[ThrustReading, Floats], SpeedReading]:
@@ -48,7 +60,7 @@ class SpeedByForces:
             np.array(section.linear_drag_kg_per_s),
             np.array(section.quadratic_drag_kg_per_m),
         )
-        self._driven = np.array(section.driven)
+        self._driven, self._most_n = np.array(section.driven), drag_beyond(section)
         self._time_ns: int | None = None
         self._force_n = self._omega_radps = self._speed_mps = np.zeros(3)
 
@@ -56,8 +68,18 @@ class SpeedByForces:
         """The speed at a reading, which is later than those before; 0 along an axis without drag.
 
         Raises:
-            KernelError: for one that is not.
+            KernelError: for one that is not, one beyond `drag_beyond`, and what is not finite; it is then as if it had
+                not come.
         """
+        for name, values, most, unit in (
+            ("force_p_n", np.array(reading.force_p_n), self._most_n, f"N, the drag at {FASTEST_MPS:g} m/s"),
+            ("omega_p_radps", omega_p_radps, np.full(3, np.finfo(float).max), "rad/s"),
+        ):
+            if not (np.abs(values) <= most).all():
+                raise KernelError(
+                    f"{name} at {reading.time_ns} ns is {np.asarray(values).tolist()}",
+                    expected=f"numbers of at most {most.tolist()} {unit}",
+                )
         force_n = np.array(reading.force_p_n) - (0.0, 0.0, self._buoyancy_n)
         if self._time_ns is None:
             self._speed_mps = self._steady(force_n, self._linear)

@@ -7,6 +7,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.recordings.axes import from_angles, platform_attitude
+from bottomlock.recordings.drives import FASTEST_MPS, drag_beyond
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.stream_sections import (
     AttitudeStream,
@@ -22,8 +23,6 @@ ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
 LENGTH_SI = {"m": 1.0, "cm": 1e-2}
 REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
-FASTEST_MPS = 20.0
-"""Median speed by the propeller beyond which unit or advance are wrong."""
 
 
 @singledispatch
@@ -87,18 +86,23 @@ def _(section: EffortStream, time_ns: Times, values: Floats) -> Forces:
             expected="forces",
             hint="leave [effort] out",
         )
-    linear, quadratic = np.array(section.linear_drag_kg_per_s), np.array(section.quadratic_drag_kg_per_m)
     force_n = np.median(np.abs(values), axis=0)
-    for axis, name in enumerate(section.force):
-        drag = linear[axis] * FASTEST_MPS + quadratic[axis] * FASTEST_MPS**2
-        if 0.0 < drag < force_n[axis]:
+    for axis, (name, drag) in enumerate(zip(section.force, drag_beyond(section), strict=True)):
+        found, hint = "", "check the unit of the forces, and linear and quadratic drag"
+        if force_n[axis] > drag:
+            found = f"{force_n[axis]:.3g} N in the median"
+        elif (beyond := np.flatnonzero(np.abs(values[:, axis]) > drag)).size:
+            at_s = time_ns[beyond[0]] * 1e-9
+            found = (
+                f"{values[beyond[0], axis]:.3g} N at {at_s:.6f} s, the first of {beyond.size} such readings"
+            )
+            hint = "empty the cell of a reading that is no force: its row is then left out and counted"
+        if found:
             raise DataError(
-                (
-                    f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag "
-                    f"is {drag:.3g} N: check the unit of the forces, and linear and quadratic drag"
-                ),
+                f"is {found}, and at {FASTEST_MPS:g} m/s the drag is {drag:.3g} N",
                 place=section.file,
                 key=f"column '{name}'",
+                hint=hint,
             )
     return Forces(time_ns, values)
 
