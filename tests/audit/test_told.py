@@ -103,6 +103,27 @@ def test_a_log_of_too_few_pings() -> None:
     assert (one.kind, one.size) == ("too_few_pings", 30.0)
 
 
+@pytest.mark.parametrize("of_all", [1, 30])
+def test_a_log_without_pings_to_judge_says_so(of_all: int) -> None:
+    """Whether it is short, or a beam is lost nearly always; a log with no finding was judged."""
+    log = replace(make_log(42), instrument_mps=None)
+    valid = log.valid.copy()
+    valid[of_all:, 2] = False
+    found = Audit(replace(log, valid=valid), stated=BeamGeometry.janus(np.deg2rad(22.0))).findings
+    assert [(one.kind, one.size) for one in found if one.kind == "too_few_pings"] == [
+        ("too_few_pings", of_all)
+    ]
+
+
+def test_millimetres_a_second_are_no_velocity() -> None:
+    log = make_log(42)
+    found = {one.kind: one for one in Audit(replace(log, velocity_mps=1e3 * log.velocity_mps)).findings}
+    one = found["too_fast"]
+    assert (one.severity, one.unit, one.expected) == ("fault", "m/s", "at most 20 m/s")
+    assert one.size == pytest.approx(1e3 * np.median(np.abs(log.velocity_mps)))
+    assert "1e+" not in finding("stale_pings", 499.0, 0.998, {"chance": 0, "row": 1, "longest": 499}).text
+
+
 def test_records_that_were_changed() -> None:
     beside = {"records_read": 200, "flagged": {"stale repeat": {"count": 10, "first_line": 7}}}
     (one,) = Audit(replace(make_log(43), beside=beside)).findings

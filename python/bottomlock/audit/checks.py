@@ -37,15 +37,18 @@ def noisy(log: BeamLog, context: Context) -> Iterator[Finding]:
 
 
 def unobservable(log: BeamLog, context: Context) -> Iterator[Finding]:
-    """Why beam directions are not observable in a log with the instrument's velocity: too few pings or motion."""
+    """Why beam directions are not observable: too few pings, or too little motion in the instrument's velocity."""
     found = context.assessment
+    told: Told = {"least": LEAST_PINGS}
+    if (log.instrument_mps is None or not log.own_frame) and log.beams > 3 and found.full.sum() < LEAST_PINGS:
+        yield finding("too_few_pings/closure", found.full.sum(), 0.0, told)
     if log.instrument_mps is None or not log.own_frame or log.beams < 3 or found.seen:
         return
     if found.matrix is None:
-        yield finding("too_few_pings", (found.full & log.solved).sum(), 0.0, {"least": LEAST_PINGS})
+        yield finding("too_few_pings", (found.full & log.solved).sum(), 0.0, told)
         return
     sds, spread = np.rad2deg(found.matrix.direction_sd_rad), log.instrument_mps[log.solved].std(axis=0)
-    told = {"sds": listed(sds, ".2g"), "spread": listed(spread, ".2g")}
+    told |= {"sds": listed(sds, ".2g"), "spread": listed(spread, ".2g")}
     told |= {"blocks": str(found.matrix.blocks), "least": str(LEAST_BLOCKS)}
     yield finding("directions_not_observable", sds.max(), 0.0, told)
 
@@ -217,7 +220,8 @@ def packaged(log: BeamLog, context: Context) -> Iterator[Finding]:
 ALWAYS: tuple[LogCheck, ...] = (defects.never_locked, defects.times, defects.reader)
 """Also of a log that never had lock, of which nothing else is judged."""
 OF_LOG: tuple[LogCheck, ...] = (
-    defects.stale, defects.stuck, defects.zeros, defects.ranges, defects.copies, defects.instrument_flags,
+    defects.stale, defects.stuck, defects.zeros, defects.fast, defects.ranges, defects.copies,
+    defects.instrument_flags,
 )  # fmt: skip
 """Of a log alone."""
 CHECKS: tuple[Check, ...] = (

@@ -11,6 +11,7 @@ from bottomlock.audit.closure import null_space
 from bottomlock.audit.findings import SIGNIFICANCE, Told, finding
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.robust import Array, resolution
+from bottomlock.recordings.drives import FASTEST_MPS
 from bottomlock.recordings.finding import Finding, Severity
 from bottomlock.recordings.robust import sd_about_median
 
@@ -164,6 +165,14 @@ def zeros(log: BeamLog) -> Iterator[Finding]:
             row = _first(log.valid[:, k] & (log.velocity_mps[:, k] == 0.0))
             told = {"usual": usual, "quantum": quantum, "row": row}
             yield finding("zero_as_valid", count, count / y.size, told, beams=[k])
+
+
+def fast(log: BeamLog) -> Iterator[Finding]:
+    """Readings that are none of a vehicle's velocity in m/s, in the median of the beams."""
+    readings = np.abs(log.velocity_mps[log.valid & np.isfinite(log.velocity_mps)])
+    size = float(np.median(readings)) if readings.size else 0.0
+    if size > FASTEST_MPS:
+        yield finding("too_fast", size, told={"readings": readings.size, "most": FASTEST_MPS})
 
 
 def _apart(y: Array) -> int:

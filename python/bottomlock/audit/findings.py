@@ -77,29 +77,35 @@ KINDS = {
         "None if the instrument did not ping: the filter propagates without it. Else look for lost lines.",
     ),
     "stale_pings": Kind(
-        "warning", "pings", "{size:.0f} pings ({percent:.2g} %) repeat the whole ping before them unchanged.",
+        "warning", "pings", "{size:.0f} pings ({percent} %) repeat the whole ping before them unchanged.",
         "{chance:.2g} are expected by chance; first in row {row}, longest run {longest} pings.",
         "Drop them: a repeated reading is an old velocity, and is not independent of the ping before.",
         "new readings",
     ),
     "stuck_beam": Kind(
-        "fault", "pings", "{Beams} is stuck at {value:.3f} m/s for {size:.0f} pings, {percent:.2g} % of its own.",
+        "fault", "pings", "{Beams} is stuck at {value:.3f} m/s for {size:.0f} pings, {percent} % of its own.",
         "First in row {row}, {time_s:.1f} s; by chance the longest run is {longest:.0f} readings.",
         "Flag it invalid there: a reading that does not change is none.",
     ),
     "zero_as_valid": Kind(
         "fault", "pings",
-        "{Beams} is flagged valid with a velocity of exactly zero in {size:.0f} pings ({percent:.2g} %).",
+        "{Beams} is flagged valid with a velocity of exactly zero in {size:.0f} pings ({percent} %).",
         "{usual:.2g} are expected at a resolution of {quantum:.2g} m/s; first in row {row}.",
         "Treat zero as a lost beam: clear the flag where the velocity is exactly zero.", "a cleared flag",
     ),
+    "too_fast": Kind(
+        "fault", "m/s", "The beams read {size:.3g} m/s in the median, which no vehicle's are.",
+        "Of {readings} readings that are flagged valid.",
+        "Check the unit: `velocity_scale` of a column map (0.001 for mm/s) turns it into m/s.",
+        "at most {most:g} m/s",
+    ),
     "no_range": Kind(
-        "note", "pings", "{Beams} is flagged valid without a range in {size:.0f} pings ({percent:.2g} %).",
+        "note", "pings", "{Beams} is flagged valid without a range in {size:.0f} pings ({percent} %).",
         "First in row {row}.", "Do not use the range as the only test of validity.",
     ),
     "rejected_by_instrument": Kind(
         "note", "pings",
-        "The instrument flags its velocity invalid in {size:.0f} pings with all {of} beams valid ({percent:.3g} %).",
+        "The instrument flags its velocity invalid in {size:.0f} pings with all {of} beams valid ({percent} %).",
         "First in row {row}.", "Flags of the beams are not sufficient: gate by closure and by innovation as well.",
     ),
     "velocity_without_beams": Kind(
@@ -115,7 +121,7 @@ KINDS = {
         "{others:.1f} mm/s",
     ),
     "identical_beams": Kind(
-        "fault", "of pings", "{Beams} hold the same numbers{reverse} in {percent:.3g} % of {pings} pings.",
+        "fault", "of pings", "{Beams} hold the same numbers{reverse} in {percent} % of {pings} pings.",
         "Two transducers do not agree to the last digit.",
         "Look for a column that is read twice; until then use one of the two and treat the other as lost.",
     ),
@@ -127,6 +133,11 @@ KINDS = {
         "note", "pings", "Beam directions are not observable in this log.",
         "Only {size:.0f} pings have all beams and the instrument's velocity; at least {least} are needed.",
         "Record with bottom lock on all beams.",
+    ),
+    "too_few_pings/closure": Kind(
+        "note", "pings", "Neither the closure nor the order of the beams is judged in this log.",
+        "Only {size:.0f} pings have all beams; at least {least} are needed.",
+        "Record longer with bottom lock on all beams.",
     ),
     "directions_not_observable": Kind(
         "note", "deg",
@@ -202,7 +213,7 @@ KINDS = {
     ),
     "heavy_tails": Kind(
         "warning", "of pings",
-        "The closure has heavy tails: {percent:.2g} % of {pings} pings lie beyond three robust sigmas, 0.27 % would if "
+        "The closure has heavy tails: {percent} % of {pings} pings lie beyond three robust sigmas, 0.27 % would if "
         "the noise were Gaussian.",
         "Median |e| {middle:.1f}, robust sigma {robust:.1f}, 95 % {p95:.0f}, 99 % {p99:.0f}, largest {top:.0f} mm/s.",
         "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
@@ -283,7 +294,13 @@ def finding(
     """
     kind, beams = KINDS[template], tuple(int(beam) for beam in beams)
     words = beam_words(beams)
-    numbers = {"size": size, "sd": sd, "percent": 100.0 * weight, "beams": words, "Beams": words.capitalize()}
+    numbers = {
+        "size": size,
+        "sd": sd,
+        "percent": f"{100.0 * weight:.3g}",
+        "beams": words,
+        "Beams": words.capitalize(),
+    }
     told = numbers | (told or {})
     text, evidence, hint, expected = (
         one.format(**told) for one in (kind.text, kind.evidence, kind.hint, kind.expected)
