@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import DataError, Note, ScenarioError
 from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.drives import SpeedByForces
 from bottomlock.recordings.readings import EffortReading
@@ -163,6 +163,8 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
         ("mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),
         ("[14.0, 5.0, 33.0]", "[-14.0, 5.0, 33.0]", "expected >= 0"),
         ("buoyancy_n = 2.4", "buoyancy_kg = 2.4", "buoyancy_kg"),
+        ("buoyancy_n = 2.4", "noise_n = 1.0", r"effort: noise_n is no key any more; .* noise_mps now"),
+        ("buoyancy_n = 2.4", "inertia_percent = 20.0", "inertia_percent is no key any more; leave it out"),
         (
             "[14.0, 5.0, 33.0]\nquadratic_drag_kg_per_m = [141.0, 217.0, 190.0]",
             "[0.0, 0.0, 0.0]",
@@ -179,3 +181,13 @@ def test_mistakes_are_named(case_file: Path, tmp_path: Path, old: str, new: str,
     path.write_text(CASE.replace(old, new), encoding="utf-8")
     with pytest.raises((DataError, ScenarioError), match=words):
         read_streams(load_case(path))
+
+
+def test_forces_of_another_time_are_told(case_file: Path) -> None:
+    """A clock an hour off leaves no reading within the dive: the command and the page say so."""
+    path = case_file.with_name("hour.toml")
+    section = SECTION.replace('{ column = "time" }', '{ column = "time", offset_s = 3600.0 }')
+    path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
+    with pytest.warns(Note, match="effort: no reading lies within the times of the IMU"):
+        streams = read_streams(load_case(path))
+    assert sum("check effort.clock" in one for one in streams.notes) == 1

@@ -1,12 +1,13 @@
 """Reads the streams of a case: units to SI, sensor axes to platform axes, clocks to one clock."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, note
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers, is_code
@@ -97,6 +98,7 @@ def read_streams(case: Case) -> Streams:
     assert inertial is not None  # read above, or made of the attitude
     left_out = screened(aiding, inertial, made=isinstance(case.imu, ImuFromAttitude))
     notes += [one.words for one in left_out]
+    notes += _beside_the_dive(aiding, inertial)
     aiding |= {} if water is None else {"water_track": water}
     reference = None
     if case.reference is not None:
@@ -116,6 +118,17 @@ def read_streams(case: Case) -> Streams:
         notes=tuple(notes),
     )
     return with_vehicle_motion(case, streams)
+
+
+def _beside_the_dive(aiding: Mapping[str, Any], inertial: Inertial) -> Iterator[str]:
+    """Says of which sensors no reading lies within the times of the inertial ones; each is also a note of the command."""
+    for name, stream in aiding.items():
+        if not ((stream.time_ns >= inertial.time_ns[0]) & (stream.time_ns <= inertial.time_ns[-1])).any():
+            words = (
+                f"{name}: no reading lies within the times of the IMU, so none is used: check {name}.clock"
+            )
+            note(words)
+            yield words
 
 
 def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) -> Inertial:
