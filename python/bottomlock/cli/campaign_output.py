@@ -83,51 +83,14 @@ def print_results(results: Results, out: Path, *, as_json: bool = False) -> None
         f"n_f {assumed['virtual_beam_factor']:g}, ε {assumed['nullified_sway_var_m2ps2']:g} m²/s², "
         f"gate {options['gate']}."
     )
-    print_costs()
+    _print_costs(results)
     say(f"{manifest['wall_time_s']:.1f} s; tables in {out}")
 
 
-def print_costs() -> None:
-    """Prints what the methods of one's own cost in this process."""
+def _print_costs(results: Results) -> None:
+    """Prints what the results' methods of one's own cost in this process."""
+    methods = set(results.summary["method"])
     for name, cost in own_method.costs().items():
-        each_us = 1e6 * cost.seconds / cost.pings
-        console.print(f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each")
-
-
-@contextmanager
-def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgress], None]]:
-    """A bar over runs with rate and time left, for any number of campaigns; shown from the first report on.
-
-    Args:
-        total: runs of all campaigns; those of the one campaign by default.
-    """
-    columns = (
-        TextColumn("{task.description:>12}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=errors, transient=False, disable=bars_are_off())
-    task = bar.add_task("running", total=total)
-    done: dict[str, float] = {}
-
-    def report(state: CampaignProgress) -> None:
-        bar.start()
-        done[state.trajectory] = state.runs_done
-        if state.found:
-            # Runs of an earlier start say nothing of the rate: the clock starts now.
-            bar.reset(task, completed=int(sum(done.values())))
-        bar.update(
-            task,
-            total=state.campaign_runs if total is None else total,
-            completed=sum(done.values()),
-            description=state.trajectory,
-        )
-
-    try:
-        yield report
-    finally:
-        if bar.live.is_started:
-            bar.stop()
+        if name in methods:
+            each_us = 1e6 * cost.seconds / cost.pings
+            console.print(f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each")
