@@ -94,3 +94,42 @@ def _print_costs(results: Results) -> None:
         if name in methods:
             each_us = 1e6 * cost.seconds / cost.pings
             console.print(f"{name}: {cost.pings} pings in Python, {each_us:.0f} µs of a core each")
+
+
+@contextmanager
+def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgress], None]]:
+    """A bar over runs with rate and time left, for any number of campaigns; shown from the first report on.
+
+    Args:
+        total: runs of all campaigns; those of the one campaign by default.
+    """
+    columns = (
+        TextColumn("{task.description:>12}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=errors, transient=False, disable=bars_are_off())
+    task = bar.add_task("running", total=total)
+    done: dict[str, float] = {}
+
+    def report(state: CampaignProgress) -> None:
+        bar.start()
+        done[state.trajectory] = state.runs_done
+        if state.found:
+            # Runs of an earlier start say nothing of the rate: the clock starts now.
+            bar.reset(task, completed=int(sum(done.values())))
+        bar.update(
+            task,
+            total=state.campaign_runs if total is None else total,
+            completed=sum(done.values()),
+            description=state.trajectory,
+        )
+
+    try:
+        yield report
+    finally:
+        if bar.live.is_started:
+            bar.stop()
