@@ -121,7 +121,7 @@ def read_streams(case: Case) -> Streams:
 
 
 def _beside_the_dive(aiding: Mapping[str, Any], inertial: Inertial) -> Iterator[str]:
-    """Says of which sensors no reading lies within the times of the inertial ones; each is also a note of the command."""
+    """Says of which sensors no reading lies within the times of the inertial ones; each is a note, too."""
     for name, stream in aiding.items():
         if not ((stream.time_ns >= inertial.time_ns[0]) & (stream.time_ns <= inertial.time_ns[-1])).any():
             words = (
