@@ -9,8 +9,7 @@ import pytest
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0, wayfinder
-from bottomlock.io.beam_table import Account
-from bottomlock.io.nortek_frames import frames
+from bottomlock.io.nortek_frames import RECORDS, frames
 from bottomlock.io.rows import Options
 from tools import reader_seeds as seeds
 
@@ -178,12 +177,12 @@ def test_a_record_within_a_record_is_its_data() -> None:
     """Bytes of a whole record are not searched again: a text that quotes a record is no ping."""
     inner = framing.nortek_frame(0x1B, seeds.df21(1))
     log = framing.nortek_frame(0xA0, inner, 0x10) + framing.nortek_frame(0x1B, seeds.df21(2))
-    account = Account(unit="byte")
-    assert frames(log, account).kind.tolist() == [0xA0, 0x1B]
-    assert (account.read, account.lost) == (2, 0)
+    found = RECORDS.of(log)
+    assert frames(found).kind.tolist() == [0xA0, 0x1B]
+    assert (found.account.read, found.account.lost) == (2, 0)
     # Where the outer record is damaged, the inner one is found.
     damaged = log[:8] + bytes([log[8] ^ 1]) + log[9:]
-    assert frames(damaged, Account(unit="byte")).position.tolist() == [10, len(inner) + 10]
+    assert RECORDS.of(damaged).start.tolist() == [10, len(inner) + 10]
 
 
 def test_pd0_of_the_other_leaders() -> None:

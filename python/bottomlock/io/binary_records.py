@@ -1,8 +1,8 @@
 """Binary records behind false starts: headers are found, tested and read for the whole file at once."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ EMPTY = "without fixed or variable leader"
 """Reason for a whole ensemble without what a ping needs."""
 
 Places = NDArray[np.int64]
+WORD = np.dtype("<u2")
+"""Little-endian, of 16 bits."""
 
 
 def blocks(length: int) -> Iterator[int]:
@@ -33,9 +35,9 @@ def bytes_of(data: bytes) -> NDArray[np.uint8]:
     return np.frombuffer(data, dtype=np.uint8)
 
 
-def words_at(raw: NDArray[np.uint8], at: Places) -> Places:
+def words_at(data: bytes, at: Places) -> Places:
     """Little-endian 16-bit words at some places."""
-    return raw.take(at).astype(np.int64) | raw.take(at + 1).astype(np.int64) << 8
+    return fields_at(data, at, WORD).astype(np.int64)
 
 
 def numbered(count: Places) -> tuple[Places, Places]:
@@ -44,16 +46,22 @@ def numbered(count: Places) -> tuple[Places, Places]:
     >>> [one.tolist() for one in numbered(np.array([2, 0, 3]))]
     [[0, 0, 2, 2, 2], [0, 1, 0, 1, 2]]
     """
-    owner = np.repeat(np.arange(len(count)), count)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    owner = np.arange(len(count)).repeat(count)
+    return owner, np.arange(len(owner)) - (count.cumsum() - count).repeat(count)
+
+
+def every(data: bytes, layout: np.dtype[Any]) -> NDArray[Any]:
+    """The fields of a layout at every place at which there are so many bytes, without a copy."""
+    return np.ndarray((max(len(data) - layout.itemsize + 1, 0),), dtype=layout, buffer=data, strides=(1,))
 
 
 def fields_at(data: bytes, at: Places, layout: np.dtype[Any]) -> NDArray[Any]:
     """(n,) structured: the fields of a layout at some places, all of it within the data."""
     if not len(at):
         return np.empty(0, dtype=layout)
-    everywhere = np.ndarray((len(data) - layout.itemsize + 1,), dtype=layout, buffer=data, strides=(1,))
-    return np.asarray(everywhere[at])
+    if len(at) == 1:  # a record of a stream: five times faster
+        return np.frombuffer(data, layout, 1, int(at[0]))
+    return np.asarray(every(data, layout)[at])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +80,8 @@ class Headers:
     fits: NDArray[np.bool_]
     empty: NDArray[np.bool_]
 
-    def whole(self, length: int, account: Account, what: str) -> Places:
-        """Indices of every record that is whole; what is damaged, empty, cut off or between them is counted.
+    def whole(self, length: int, account: Account, what: str) -> tuple[Places, Places]:
+        """Where whole records begin and end; what is damaged, empty, cut off or between them is counted.
 
         A damaged record does not hide the next: bytes may be missing from it, so that the next begins within it.
 
@@ -82,7 +90,7 @@ class Headers:
             account: for the counts; whole records are counted as read.
             what: a record's name.
         """
-        chosen = []
+        chosen: list[int] = []
         behind = reach = 0  # the last whole record, and all that is counted
         columns = (self.start, self.end, self.fits, self.empty)
         for k, (start, end, fits, empty) in enumerate(zip(*(each.tolist() for each in columns), strict=True)):
@@ -102,4 +110,41 @@ class Headers:
             reach = max(reach, min(end, length))
         if reach < length:
             account.skip(f"bytes that belong to no {what}", reach, f"{length - reach} bytes")
-        return np.array(chosen, dtype=np.int64)
+        return self.start[chosen], self.end[chosen]
+
+
+class Found(NamedTuple):
+    """Whole records of some bytes: where each begins and ends, and the account of what else there is."""
+
+    data: bytes
+    start: Places
+    end: Places
+    account: Account
+
+
+@dataclass(frozen=True)
+class Records:
+    """Records of one kind of framing.
+
+    Attributes:
+        headers: finds every header in some bytes.
+        longest: bytes of the longest header.
+        what: a record's name.
+    """
+
+    headers: Callable[[bytes], Headers]
+    longest: int
+    what: str
+
+    def of(self, data: bytes) -> Found:
+        """The whole records of a file."""
+        account = Account(unit="byte")
+        return Found(data, *self.headers(data).whole(len(data), account, self.what), account)
+
+
+def alone(record: bytes) -> Found:
+    """A record that a framer has found whole."""
+    return Found(record, _FIRST, np.array([len(record)]), Account(unit="byte"))
+
+
+_FIRST = np.zeros(1, dtype=np.int64)

@@ -15,7 +15,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import BLOCK, blocks
+from bottomlock.io.binary_records import BLOCK, Found, Records, alone, blocks
 from bottomlock.io.framing import Binary, Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
@@ -325,7 +325,7 @@ class MessageDecoder(Decoder):
         raise NotImplementedError
 
 
-Read = Callable[[bytes, str, Options], Recording]
+Read = Callable[[Found, str, Options], Recording]
 
 
 @dataclass
@@ -333,20 +333,20 @@ class RecordDecoder(Decoder):
     """Binary records, each read as a file of one.
 
     Attributes:
-        make: makes what cuts the bytes.
-        read: reads a file.
+        records: how the bytes are cut.
+        read: reads whole records.
         kinds: the third byte of the records with pings or water; empty where all have them.
     """
 
     unit = "record"
-    make: Callable[[], Binary] = field(kw_only=True)
+    records: Records = field(kw_only=True)
     read: Read = field(kw_only=True)
     kinds: Sequence[int] = ()
 
     def __post_init__(self) -> None:
         """Begins."""
         super().__post_init__()
-        self.framer = self._binary = self.make()
+        self.framer = self._binary = Binary(self.records)
         self._options = RecordOptions(**asdict(self.options))
         self._taken: list[Taken] = []
 
@@ -363,7 +363,7 @@ class RecordDecoder(Decoder):
                 self.account.pass_by("another kind of record", self.account.read)
                 continue
             try:
-                found = self.read(record, self.place, self._options)
+                found = self.read(alone(record), self.place, self._options)
             except DataError as error:
                 self.account.skip(self._reason(error), self.account.read)
             else:
@@ -399,7 +399,7 @@ class Format:
     title: str
     sniff: Callable[[bytes], bool]
     decoder: Callable[[str, Options, int], Decoder]
-    whole: Read | None = None
+    whole: Callable[[bytes, str, Options], Recording] | None = None
     live: bool = True
     figures: bool = False
 
@@ -422,15 +422,19 @@ def binary(
     name: str,
     title: str,
     sniff: Callable[[bytes], bool],
-    framer: Callable[[], Binary],
+    records: Records,
     read: Read,
     kinds: Sequence[int] = (),
     *,
     figures: bool = False,
 ) -> Format:
-    """A format of binary records, by its framer and the reader of a file; see `RecordDecoder`."""
-    decoder = partial(RecordDecoder, make=framer, read=read, kinds=kinds)
-    return Format(name, title, sniff, decoder, read, figures=figures)
+    """A format of binary records, by their framing and the reader of whole ones; see `RecordDecoder`."""
+
+    def whole(data: bytes, place: str, options: Options) -> Recording:
+        return read(records.of(data), place, options)
+
+    decoder = partial(RecordDecoder, records=records, read=read, kinds=kinds)
+    return Format(name, title, sniff, decoder, whole, figures=figures)
 
 
 def table_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> BeamTable:

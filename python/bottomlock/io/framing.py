@@ -5,11 +5,11 @@ whose checksum fits. What comes out depends on the bytes alone, not on how they 
 read by the decoders of `bottomlock.io`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
-from bottomlock.io.binary_records import Headers
+from bottomlock.io.binary_records import Records
 from bottomlock.io.sentences import LONGEST_LINE
 
 _BLANKS = b"\r\n \t\x00"
@@ -87,16 +87,15 @@ class Binary(Framer):
     bytes that look like a header hide the next whole record. Of records that overlap, the one that ends first is taken.
 
     Args:
-        headers: finds the headers in bytes, as the reader of files does.
-        longest: bytes of the longest header.
+        records: finds the headers in bytes, as for files.
 
     Attributes:
         damaged: records so far whose checksum does not fit.
     """
 
-    def __init__(self, headers: Callable[[bytes], Headers], longest: int) -> None:
+    def __init__(self, records: Records) -> None:
         super().__init__()
-        self._headers, self._longest = headers, longest
+        self._headers, self._longest = records.headers, records.longest
         self._buffer = b""
         self.damaged = 0
 
@@ -104,19 +103,23 @@ class Binary(Framer):
         """The records that `data` completes."""
         self._buffer += data
         size, headers = len(self._buffer), self._headers(self._buffer)
-        found, behind = [], 0
-        inside = np.zeros(size + 1, dtype=bool)
-        for k in np.lexsort((headers.start, headers.end)):
-            start, end = int(headers.start[k]), int(headers.end[k])
-            if headers.fits[k] and start >= behind:
+        found: list[bytes] = []
+        taken, behind = [], 0
+        spans = sorted(zip(headers.end.tolist(), headers.start.tolist(), headers.fits.tolist(), strict=True))
+        for end, start, fits in spans:
+            if fits and start >= behind:
                 self.dropped += start - behind
                 found.append(self._buffer[start:end])
+                taken.append((start, end))
                 behind = end
-                inside[start:end] = True
-        begun = headers.start[(headers.end > size) & (headers.start >= behind)]
-        keep = max(behind, min([size - self._longest, *begun.tolist()]))
+        begun = [start for end, start, _ in spans if end > size and start >= behind]
+        keep = max(behind, min([size - self._longest, *begun]))
         self.dropped += keep - behind
-        self.damaged += int((~inside[headers.start] & (headers.start < keep)).sum())
+        if len(spans) > len(taken):
+            outside = np.ones(size + 1, dtype=bool)
+            for start, end in taken:
+                outside[start:end] = False
+            self.damaged += int((outside[headers.start] & (headers.start < keep)).sum())
         self._buffer = self._buffer[keep:]
         return found
 

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import bytes_of, fields_at, numbered
+from bottomlock.io.binary_records import Found, bytes_of, fields_at, numbered
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import (
     AVERAGE_AD2CP,
     BOTTOM_AD2CP,
     BURST_AD2CP,
+    RECORDS,
     Frames,
-    framer,
     frames,
     kinds,
     struct_tm_ns,
@@ -64,17 +64,14 @@ def _sniff(head: bytes) -> bool:
     return b"\xa5" in head and bool(kinds(head) & {BOTTOM_AD2CP, BURST_AD2CP, AVERAGE_AD2CP, 0x18, 0xA0})
 
 
-def _read(data: bytes, place: str, options: Options) -> Recording:
+def _read(records: Found, place: str, options: Options) -> Recording:
     """The bottom-track records of a file, and its profiles.
 
     Raises:
         DataError: where there is none, or none in beam coordinates.
     """
-    account = Account(unit="byte")
-    found = frames(data, account)
-    bottom = found.kind == BOTTOM_AD2CP
-    found.where(~bottom).pass_by(account)
-    pings = found.where(bottom)
+    data, account, found = records.data, records.account, frames(records)
+    pings = found.pings(found.kind == BOTTOM_AD2CP, account)
     coordinates = _coordinates(data, pings)
     for kind, name in enumerate(_COORDINATES):
         if kind != _BEAM:
@@ -203,7 +200,7 @@ FORMAT = binary(
     "nortek-ad2cp",
     "Nortek AD2CP bottom track, DF20",
     _sniff,
-    framer,
+    RECORDS,
     _read,
     (BOTTOM_AD2CP, BURST_AD2CP, AVERAGE_AD2CP),
 )

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
-from bottomlock.io.binary_records import fields_at
+from bottomlock.io.binary_records import Found, fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, WATER_DVL, Frames, framer, frames, kinds, struct_tm_ns
+from bottomlock.io.nortek_frames import BOTTOM_DVL, RECORDS, WATER_DVL, Frames, frames, kinds, struct_tm_ns
 from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 4
@@ -34,22 +34,15 @@ def _sniff(head: bytes) -> bool:
     return b"\xa5" in head and BOTTOM_DVL in kinds(head)
 
 
-def _read(data: bytes, place: str, options: Options) -> Recording:
+def _read(records: Found, place: str, options: Options) -> Recording:
     """The bottom-track records of a stream, and its water track.
 
     Raises:
         DataError: where there is none.
     """
-    account = Account(unit="byte")
-    found = frames(data, account)
-    bottom = found.kind == BOTTOM_DVL
-    found.where(~bottom).pass_by(account)
-    pings = found.where(bottom)
-    short = pings.size < _DATA.itemsize
-    account.skip_where(
-        "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
-    )
-    table = _table(data, pings.where(~short), account, options)
+    data, account, found = records.data, records.account, frames(records)
+    pings = found.pings(found.kind == BOTTOM_DVL, account).of_layout(_DATA, account)
+    table = _table(data, pings, account, options)
     water = _water(data, found.where(found.kind == WATER_DVL), account, options)
     raise_if_empty(account, place, "bottom-track record (DF21, DF22)", water, options)
     return Recording(
@@ -137,6 +130,8 @@ def _beams(fields: NDArray[Any], good: Flags) -> tuple[Floats, Floats, Floats]:
 def _water(data: bytes, found: Frames, account: Account, options: Options) -> WaterTable | None:
     """The layer of the water of the water-track records, as cell 1."""
     records = found.where(found.size >= _DATA.itemsize)
+    if not len(records.start):
+        return None
     fields, time_ns, on_clock = _on_clock(data, records)
     good = _flags(fields)
     velocity, along_m, fom = _beams(fields, good)
@@ -185,7 +180,7 @@ FORMAT = binary(
     "nortek-dvl",
     "Nortek DVL500/1000, DF21 and DF22",
     _sniff,
-    framer,
+    RECORDS,
     _read,
     (BOTTOM_DVL, WATER_DVL),
     figures=True,

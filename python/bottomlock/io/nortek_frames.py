@@ -5,13 +5,26 @@ checksum starts from 0xB58C and adds little-endian words; an odd last byte count
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Integers
-from bottomlock.io.binary_records import BLOCK, Headers, Places, blocks, bytes_of, words_at
-from bottomlock.io.framing import Binary
+from bottomlock.io.binary_records import (
+    BLOCK,
+    WORD,
+    Found,
+    Headers,
+    Places,
+    Records,
+    blocks,
+    bytes_of,
+    every,
+    words_at,
+)
+
+_MONTHS, _DAYS, _THIS_AND_NEXT = np.dtype("datetime64[M]"), np.dtype("datetime64[D]"), np.array([[0], [1]])
 
 
 def minute_ns(
@@ -24,9 +37,7 @@ def minute_ns(
     (np.int64(86460000000000), [True, False])
     """
     months = (year.astype(np.int64) - 1970) * 12 + month - 1
-    first, after = (
-        each.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64) for each in (months, months + 1)
-    )
+    first, after = (months + _THIS_AND_NEXT).astype(_MONTHS).astype(_DAYS).astype(np.int64)
     good = (month >= 1) & (month <= 12) & (day >= 1) & (day <= after - first) & (hour <= 23) & (minute <= 59)
     return ((first + day - 1) * 1440 + hour * 60 + minute) * 60_000_000_000, np.asarray(good, dtype=bool)
 
@@ -69,35 +80,47 @@ class Frames:
 
     def where(self, chosen: Flags) -> "Frames":
         """The chosen ones."""
-        return self if chosen.all() else Frames(*(each[chosen] for each in vars(self).values()))
+        if np.count_nonzero(chosen) == len(chosen):
+            return self
+        return Frames(*(each[chosen] for each in vars(self).values()))
 
-    def pass_by(self, account: Account) -> None:
-        """Counts all of them by their names."""
-        for kind in np.flatnonzero(np.bincount(self.kind)).tolist():
-            account.pass_by_where(name_of(kind), self.kind == kind, self.position)
+    def pings(self, chosen: Flags, account: Account) -> "Frames":
+        """The chosen ones; all others are counted by their names."""
+        if (found := self.where(chosen)) is not self:
+            others = self.where(~chosen)
+            for kind in np.bincount(others.kind).nonzero()[0].tolist():
+                account.pass_by_where(name_of(kind), others.kind == kind, others.position)
+        return found
+
+    def of_layout(self, layout: np.dtype[Any], account: Account) -> "Frames":
+        """Those whose data are long enough for a layout; of the others it is told."""
+        long = self.size >= layout.itemsize
+        account.skip_where(
+            "bottom track of another layout", ~long, self.position, lambda k: f"{self.size[k]} bytes"
+        )
+        return self.where(long)
+
+
+_BEGIN = np.uint16(0xB58C)
 
 
 class _Sums:
-    """Checksums of any piece of the bytes in constant time, from running sums of even and odd bytes."""
+    """Checksums of any piece of the bytes in constant time, from running sums of words."""
 
     def __init__(self, data: bytes) -> None:
         self._raw = bytes_of(data)
-        # Two alignments: words that begin at an even and at an odd place. Sums modulo 65536, as the checksum is.
-        self._sums = np.zeros((2, len(data) + 1), dtype=np.uint16)
-        for low, sums in enumerate(self._sums):
-            weighted = self._raw.astype(np.uint16)
-            weighted[1 - low :: 2] <<= 8
-            np.cumsum(weighted, dtype=np.uint16, out=sums[1:])
+        # Before each place the words two, four ... bytes before it, modulo 65536, as the checksum is.
+        self._sums = np.zeros(max(len(data) + 1, 2), dtype=np.uint16)
+        self._sums[2:] = every(data, WORD)
+        for words in (self._sums[::2], self._sums[1::2]):
+            np.add.accumulate(words, out=words)
 
     def of(self, start: Places, size: Places) -> NDArray[np.uint16]:
         """Nortek's checksums of `size` bytes from `start`, for many pieces at once."""
-        at = start + (start & 1) * self._sums.shape[1]
-        sums = self._sums.reshape(-1)
-        total = sums.take(at + size) - sums.take(at) + np.uint16(0xB58C)
-        odd = np.flatnonzero(size & 1)
-        # The last byte of an odd number was added as a low one.
-        total[odd] += 255 * self._raw[(start + size)[odd] - 1].astype(np.uint16)
-        return np.asarray(total, dtype=np.uint16)
+        odd, sums = size & 1, self._sums
+        # The last byte of an odd number is a high one.
+        last = self._raw.take(start + size - 1) * (odd << 8).astype(np.uint16)
+        return np.asarray(sums.take(start + size - odd) - sums.take(start) + last + _BEGIN, dtype=np.uint16)
 
 
 def _headers(data: bytes) -> Headers:
@@ -107,41 +130,38 @@ def _headers(data: bytes) -> Headers:
     for block in blocks(max(len(raw) - _LEAST + 1, 0)):
         part = raw[block : block + BLOCK + 1]
         n = min(len(part) - 1, len(raw) - _LEAST + 1 - block)
-        at = block + np.flatnonzero(
-            (part[:n] == 0xA5) & (part[1 : n + 1] >= _LEAST) & (part[1 : n + 1] <= _MOST)
-        )
+        # A size below the least wraps round to a great one.
+        mark = (part[:n] == 0xA5) & (part[1 : n + 1] - np.uint8(_LEAST) <= _MOST - _LEAST)
+        at = block + mark.nonzero()[0]
         size = raw.take(at + 1).astype(np.int64) - 2
         within = at + size + 2 <= len(raw)
         at, size = at[within], size[within]
-        found.append(at[sums.of(at, size) == words_at(raw, at + size).astype(np.uint16)])
+        found.append(at[sums.of(at, size) == words_at(data, at + size).astype(np.uint16)])
     start = np.concatenate(found)
     header = raw[start + 1].astype(np.int64)
-    size = words_at(raw, start + 4)
+    size = words_at(data, start + 4)
     end = start + header + size
     fits = end <= len(raw)
-    fits[fits] = sums.of((start + header)[fits], size[fits]) == words_at(raw, start + 6)[fits].astype(
+    fits[fits] = sums.of((start + header)[fits], size[fits]) == words_at(data, start + 6)[fits].astype(
         np.uint16
     )
     return Headers(start, end, fits, end < start)
 
 
-def framer() -> Binary:
-    """Cuts a stream into records."""
-    return Binary(_headers, _MOST)
+RECORDS = Records(_headers, _MOST, "record")
+"""How a stream or a file is cut."""
 
 
-def frames(data: bytes, account: Account) -> Frames:
-    """Every record of the bytes; what is damaged, cut off or between records goes to the account."""
-    headers = _headers(data)
-    chosen = headers.whole(len(data), account, "record")
-    raw, at = bytes_of(data), headers.start[chosen]
+def frames(found: Found) -> Frames:
+    """The whole records."""
+    raw, at = bytes_of(found.data), found.start
     start = at + raw[at + 1]
-    return Frames(at, raw[at + 2], raw[at + 3], start, headers.end[chosen] - start)
+    return Frames(at, raw[at + 2], raw[at + 3], start, found.end - start)
 
 
 def kinds(head: bytes) -> set[int]:
     """Ids of the whole records at the beginning of a file."""
-    return set(frames(head, Account(unit="byte")).kind.tolist())
+    return set(frames(RECORDS.of(head)).kind.tolist())
 
 
 def name_of(kind: int) -> str:

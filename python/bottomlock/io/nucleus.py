@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording, WaterTable
-from bottomlock.io.binary_records import fields_at
+from bottomlock.io.binary_records import Found, fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, framer, frames, kinds
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, RECORDS, WATER_NUCLEUS, frames, kinds
 from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 3
@@ -37,22 +37,15 @@ def _sniff(head: bytes) -> bool:
     return b"\xa5" in head and bool(kinds(head) & _NUCLEUS_RECORDS)
 
 
-def _read(data: bytes, place: str, options: Options) -> Recording:
+def _read(records: Found, place: str, options: Options) -> Recording:
     """The bottom-track records of a stream, and its water track.
 
     Raises:
         DataError: where there is none.
     """
-    account = Account(unit="byte")
-    found = frames(data, account)
-    bottom = (found.kind == BOTTOM_NUCLEUS) & (found.family == _FAMILY)
-    found.where(~bottom).pass_by(account)
-    pings = found.where(bottom)
-    short = pings.size < DATA.itemsize
-    account.skip_where(
-        "bottom track of another layout", short, pings.position, lambda k: f"{pings.size[k]} bytes"
-    )
-    pings = pings.where(~short)
+    data, account, found = records.data, records.account, frames(records)
+    is_bottom = (found.kind == BOTTOM_NUCLEUS) & (found.family == _FAMILY)
+    pings = found.pings(is_bottom, account).of_layout(DATA, account)
     water = found.where((found.kind == WATER_NUCLEUS) & (found.family == _FAMILY))
     water = water.where(water.size >= DATA.itemsize)
     bottom, water_track = ((fields_at(data, one.start, DATA), one.position) for one in (pings, water))
@@ -121,6 +114,8 @@ def _table(fields: NDArray[Any], position: Integers, account: Account, options: 
 
 def _water(fields: NDArray[Any], position: Integers, account: Account, options: Options) -> WaterTable | None:
     """The layer of the water of the records, as cell 1."""
+    if not len(fields):
+        return None
     on_clock = fields["micros"] <= 999_999
     f = fields[on_clock]
     good = _flags(f)
@@ -151,7 +146,7 @@ FORMAT = binary(
     "nucleus",
     "Nortek Nucleus1000, binary",
     _sniff,
-    framer,
+    RECORDS,
     _read,
     (BOTTOM_NUCLEUS, WATER_NUCLEUS),
     figures=True,

@@ -12,7 +12,7 @@ GPS (docs/formats.md).
 """
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -23,8 +23,10 @@ from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers
 from bottomlock.io.binary_records import (
     BLOCK,
     EMPTY,
+    Found,
     Headers,
     Places,
+    Records,
     blocks,
     bytes_of,
     fields_at,
@@ -32,7 +34,6 @@ from bottomlock.io.binary_records import (
     words_at,
 )
 from bottomlock.io.decoder import binary
-from bottomlock.io.framing import Binary
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty, running_sums
@@ -46,19 +47,8 @@ _BAD = -32768
 _BAD_FINE = (-(2**31), _BAD * 100)
 # Header, two offsets, and the parts of both leaders that are read.
 _LEAST = 6 + 2 * 2 + 26 + 24
-_SYSTEM = np.dtype([("config", "<u2")])
-_CLOCK = np.dtype(
-    [
-        ("short", "u1"),
-        ("month", "u1"),
-        ("day", "u1"),
-        ("hour", "u1"),
-        ("minute", "u1"),
-        ("second", "u1"),
-        ("hundredth", "u1"),
-    ]
-)
-_CENTURY_CLOCK = np.dtype([("century", "u1"), *_CLOCK.descr])
+# Of the variable leader: year of the century, month, day, hour, minute, second, hundredth; the same after a century.
+_CLOCK, _CENTURY, _CENTURY_CLOCK = np.arange(4, 11), 57, np.arange(58, 65)
 _ATTITUDE = np.dtype(
     [("sound", "<u2"), ("depth", "<u2"), ("heading", "<u2"), ("pitch", "<i2"), ("roll", "<i2")]
 )
@@ -66,7 +56,12 @@ _COARSE = np.dtype([("range", "<u2", 4), ("velocity", "<i2", 4), ("correlation",
 _USES_TILTS = 1 << 2
 # Bits of the configuration.
 _CONVEX, _LOOKS_UP = 1 << 3, 1 << 7
-_OF_WATER = ((_FIXED, _FIXED + 1), (_BOTTOM,), (_PROFILE,), (_PROFILE_CORRELATION,))
+# Numbers in `_Types.spans` of what is read: fixed and variable leader, bottom track, its fine velocities, profile, its
+# correlations; and their ids. Of the two ids of a leader the last stands.
+_KINDS = np.array([0, 1, 0, 1, 2, 3, 4, 5])
+_IDS = np.array(
+    [_FIXED + 1, _VARIABLE + 1, _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE, _PROFILE, _PROFILE_CORRELATION]
+)
 _CELLS = np.dtype(
     {"names": ["cells", "size", "first"], "formats": ["u1", "<u2", "<u2"], "offsets": [9, 12, 32]}
 )
@@ -83,7 +78,7 @@ ADVICE = {
 def _sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like it: a header, perhaps after some text."""
     start = _header_places(head)
-    return bool(_Types(head, start, words_at(bytes_of(head), start + 2)).sound.any())
+    return bool(_Types(head, start, words_at(head, start + 2)).sound.any())
 
 
 def _header_places(data: bytes) -> Places:
@@ -95,9 +90,9 @@ def _header_places(data: bytes) -> Places:
         n = len(part) - 7
         # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
         mark = (part[:n] == 0x7F) & (part[1 : n + 1] == 0x7F) & (part[7:] <= 2) & (part[5 : n + 5] > 0)
-        at = np.flatnonzero(mark) + block
+        at = mark.nonzero()[0] + block
         first = 6 + 2 * raw[at + 5].astype(np.int64)
-        good = (words_at(raw, at + 6) == first) & (first + 2 <= words_at(raw, at + 2))
+        good = (words_at(data, at + 6) == first) & (first + 2 <= words_at(data, at + 2))
         good &= at + first + 2 <= len(raw)
         at, first = at[good], first[good]
         leader = at + first
@@ -109,15 +104,14 @@ def _headers(data: bytes) -> Headers:
     """The headers of a file, with the 16-bit sum of all bytes of each ensemble tested."""
     raw, sums = bytes_of(data), running_sums(data)
     start = _header_places(data)
-    last = start + words_at(raw, start + 2)
+    last = start + words_at(data, start + 2)
     fits = last + 2 <= len(raw)
     a, b = start[fits], last[fits]
-    fits[fits] = (sums[b] - sums[a]) == words_at(raw, b).astype(np.uint16)
+    fits[fits] = (sums[b] - sums[a]) == words_at(data, b).astype(np.uint16)
     return Headers(start, last + 2, fits, last - start < _LEAST)
 
 
-def _framer() -> Binary:
-    return Binary(_headers, 6 + 2 * 0xFF + 2)
+_RECORDS = Records(_headers, 6 + 2 * 0xFF + 2, "ensemble")
 
 
 class _Types:
@@ -140,29 +134,24 @@ class _Types:
         self._ensembles = len(start)
         # One entry for each type of each ensemble.
         owner, number = numbered(count)
-        last = np.cumsum(count) - 1
-        offset = words_at(raw, start[owner] + 6 + 2 * number)
-        end = np.append(offset[1:], 0)
-        end[last] = size
+        last = count.cumsum() - 1
+        offset = words_at(data, start[owner] + 6 + 2 * number)
+        end = np.empty_like(offset)
+        end[:-1], end[last] = offset[1:], size
         self.sound = np.ones(len(start), dtype=bool)
         self.sound[owner[offset + 2 > size[owner]]] = False
         readable = self.sound[owner] & (end - offset >= 2)
         self._owner, self._at = owner[readable], start[owner[readable]] + offset[readable]
         self._length = (end - offset)[readable]
-        self._raw = raw
+        self._data = data
 
-    @cached_property
-    def _id(self) -> Places:
-        return words_at(self._raw, self._at)
-
-    def of(self, *ids: int) -> tuple[Places, Places]:
-        """Place and length (n,) of a type by the first of its ids that an ensemble has; length 0 where it has none."""
-        at, length = np.zeros((2, self._ensembles), dtype=np.int64)
-        for each in reversed(ids):
-            # The last of several stands.
-            found = self._id == each
-            at[self._owner[found]], length[self._owner[found]] = self._at[found], self._length[found]
-        return at, length
+    def spans(self) -> Places:
+        """Place and length (n, 6, 2) of each of `_KINDS`, the last of several of one id; length 0 without any."""
+        spans = np.zeros((self._ensembles, 6, 2), dtype=np.int64)
+        which, entry = (words_at(self._data, self._at) == _IDS[:, None]).nonzero()
+        found = self._owner[entry], _KINDS[which]
+        spans[(*found, 0)], spans[(*found, 1)] = self._at[entry], self._length[entry]
+        return spans
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +176,7 @@ class Ensembles:
         angle_deg: (n,) of the beams, 0 where it is not stated.
         fine: (n,) velocities in 0.01 mm/s are there.
         tilted: (n,) axes of ship and earth are levelled by the tilts.
-        water: (n, 4, 2) place and length of fixed leader, bottom track, water profile and its correlations.
+        spans: (n, 6, 2) as `_Types.spans`.
     """
 
     position: Places
@@ -207,11 +196,11 @@ class Ensembles:
     angle_deg: Integers
     fine: Flags
     tilted: Flags
-    water: Integers
+    spans: Integers
 
     def where(self, chosen: Flags) -> Self:
         """The chosen ones."""
-        if chosen.all():
+        if np.count_nonzero(chosen) == len(chosen):
             return self
         return replace(self, **{each.name: getattr(self, each.name)[chosen] for each in fields(self)})
 
@@ -223,31 +212,27 @@ class Ensembles:
         return beams_of_axes(velocity, self.recorded[owner], self.tilted[owner], convex, tilt_rad, hpr_rad)
 
 
-def _times(data: bytes, leader: Places, length: Places) -> tuple[Integers, Flags]:
+def _times(raw: NDArray[np.uint8], leader: Places, length: Places) -> tuple[Integers, Flags]:
     """Clocks of variable leaders, ns since 1970, and which are sound; the one with a century where it is set."""
-    clock = fields_at(data, leader + 4, _CLOCK)
-    year = clock["short"].astype(np.int64)
-    year += np.where(year < 80, 2000, 1900)
-    long = np.flatnonzero(length >= 65)
-    other = fields_at(data, leader[long] + 57, _CENTURY_CLOCK)
-    set_ = (other["century"] == 19) | (other["century"] == 20)
-    long, other = long[set_], other[set_]
-    clock[long] = other[list(_CLOCK.names or ())].astype(_CLOCK)
-    year[long] = other["century"].astype(np.int64) * 100 + other["short"]
-    month, day, hour, minute, second, hundredth = (
-        clock[name].astype(np.int64) for name in (_CLOCK.names or ())[1:]
-    )
+    clock = raw[leader[:, None] + _CLOCK].astype(np.int64)
+    clock[:, 0] += np.where(clock[:, 0] < 80, 2000, 1900)
+    long = (length >= 65).nonzero()[0]
+    if len(long):
+        century = raw[leader[long] + _CENTURY].astype(np.int64)
+        set_ = (century == 19) | (century == 20)
+        long = long[set_]
+        clock[long] = raw[leader[long][:, None] + _CENTURY_CLOCK]
+        clock[long, 0] += century[set_] * 100
+    year, month, day, hour, minute, second, hundredth = clock.T
     begin, good = minute_ns(year, month, day, hour, minute)
     good &= (second <= 60) & (hundredth <= 99)
     return begin + second * 1_000_000_000 + hundredth * 10_000_000, good
 
 
-def _bottom(data: bytes, types: _Types, use: Places) -> tuple[Flags, Floats, Floats, Floats, Flags]:
-    """Of some ensembles: has bottom track, velocities (m/s), ranges (m), correlations, has the fine velocities."""
-    velocity, range_m, correlation = np.full((3, len(use), _BEAMS), np.nan)
-    (at, length), (fine_at, fine_length) = (
-        (p[use], n[use]) for p, n in (types.of(_BOTTOM), types.of(_BOTTOM_FINE))
-    )
+def _bottom(data: bytes, spans: Places) -> tuple[Flags, Floats, Floats, Floats, Flags]:
+    """By spans of ensembles: has bottom track, velocities (m/s), ranges (m), correlations, has fine velocities."""
+    velocity, range_m, correlation = np.full((3, len(spans), _BEAMS), np.nan)
+    (at, length), (fine_at, fine_length) = spans[:, 2].T, spans[:, 3].T
     has, has_fine = length >= 44, fine_length >= 18
     coarse = fields_at(data, at[has] + 16, _COARSE)
     # The ranges' third bytes came with longer ranges than 655 m; older firmware ends before them.
@@ -257,42 +242,38 @@ def _bottom(data: bytes, types: _Types, use: Places) -> tuple[Flags, Floats, Flo
     range_m[has] = np.where(cm > 0, cm * 0.01, NAN)
     velocity[has] = np.where(coarse["velocity"] == _BAD, NAN, coarse["velocity"] * 1e-3)
     correlation[has] = coarse["correlation"]
-    fine = fields_at(data, fine_at[has_fine] + 2, _FINE)["velocity"]
-    bad = (
-        (fine == _BAD_FINE[0]) | (fine == _BAD_FINE[1]) | (has[has_fine, None] & np.isnan(velocity[has_fine]))
-    )
-    velocity[has_fine] = np.where(bad, NAN, fine * 1e-5)
+    if has_fine.any():
+        fine = fields_at(data, fine_at[has_fine] + 2, _FINE)["velocity"]
+        bad = (fine == _BAD_FINE[0]) | (fine == _BAD_FINE[1])
+        bad |= has[has_fine, None] & np.isnan(velocity[has_fine])
+        velocity[has_fine] = np.where(bad, NAN, fine * 1e-5)
     return has | has_fine, velocity, range_m, correlation, has_fine
 
 
-def ensembles(data: bytes, account: Account) -> Ensembles:
-    """Every whole ensemble of a file; the account lists the others and the bytes between."""
-    raw, headers = bytes_of(data), _headers(data)
-    chosen = headers.whole(len(data), account, "ensemble")
-    start = headers.start[chosen]
-    types = _Types(data, start, headers.end[chosen] - start - 2)
-    (fixed, fixed_length), (leader, leader_length) = (
-        types.of(_FIXED, _FIXED + 1),
-        types.of(_VARIABLE, _VARIABLE + 1),
-    )
-    whole = types.sound & (fixed_length >= 26) & (leader_length >= 24)
+def _ensembles(found: Found) -> Ensembles:
+    """The ensembles with both leaders; the account lists the others."""
+    data, start, end, account = found
+    raw, types = bytes_of(data), _Types(data, start, end - start - 2)
+    spans = types.spans()
+    whole = types.sound & (spans[:, 0, 1] >= 26) & (spans[:, 1, 1] >= 24)
     account.skip_where(EMPTY, ~whole, start)
-    use = np.flatnonzero(whole)
-    fixed, leader = fixed[use], leader[use]
-    time_ns, on_clock = _times(data, leader, leader_length[use])
+    spans = spans[whole]
+    (fixed, fixed_length), (leader, leader_length) = spans[:, 0].T, spans[:, 1].T
+    time_ns, on_clock = _times(raw, leader, leader_length)
     state = fields_at(data, leader + 14, _ATTITUDE)
-    frame = raw[fixed + 25].astype(np.int64) >> 3 & 3
-    bottom, velocity, range_m, correlation, fine = _bottom(data, types, use)
-    angle = np.zeros(len(use), dtype=np.int64)
-    long = fixed_length[use] > 58
+    axes = raw[fixed + 25].astype(np.int64)
+    frame = axes >> 3 & 3
+    bottom, velocity, range_m, correlation, fine = _bottom(data, spans)
+    angle = np.zeros(len(spans), dtype=np.int64)
+    long = fixed_length > 58
     angle[long] = raw[fixed[long] + 58]
     return Ensembles(
-        position=start[use],
+        position=start[whole],
         time_ns=time_ns,
         on_clock=on_clock,
         recorded=frame,
         frame=frame,
-        tilted=(raw[fixed + 25] & _USES_TILTS) > 0,
+        tilted=(axes & _USES_TILTS) > 0,
         bottom=bottom,
         velocity_mps=velocity,
         range_m=range_m,
@@ -301,14 +282,14 @@ def ensembles(data: bytes, account: Account) -> Ensembles:
         pitch_rad=np.radians(state["pitch"] * 0.01),
         roll_rad=np.radians(state["roll"] * 0.01),
         sound_speed_mps=np.where(state["sound"] > 0, state["sound"], NAN),
-        config=fields_at(data, fixed + 4, _SYSTEM)["config"].astype(np.int64),
+        config=words_at(data, fixed + 4),
         angle_deg=angle,
         fine=fine,
-        water=np.stack([np.stack(types.of(*ids), axis=1)[use] for ids in _OF_WATER], axis=1),
+        spans=spans,
     )
 
 
-def _read(data: bytes, place: str, options: Options) -> Recording:
+def _read(records: Found, place: str, options: Options) -> Recording:
     """The bottom-track pings of a file.
 
     Beam velocities where ensembles are in beam coordinates. Of other coordinates `instrument_only` makes a table of the
@@ -317,8 +298,7 @@ def _read(data: bytes, place: str, options: Options) -> Recording:
     Raises:
         DataError: where there is no bottom track, or it is not in beam coordinates and neither option is set.
     """
-    account = Account(unit="byte")
-    found = ensembles(data, account)
+    account, found = records.account, _ensembles(records)
     count = len(found.position)
     if options.beams_from_axes and count:
         found = _in_beams(found, place)
@@ -347,12 +327,13 @@ def _read(data: bytes, place: str, options: Options) -> Recording:
     use = 0 if counts[0] and not options.instrument_only else most
     account.skip_where("clock out of range", ~pings.on_clock, pings.position)
     for frame, name in enumerate(FRAMES):
-        if frame != use:
+        if frame != use and counts[frame]:
             others = pings.on_clock & (pings.frame == frame)
             account.skip_where(f"{name} coordinates among {FRAMES[use]} coordinates", others, pings.position)
     table = _table(pings.where(pings.on_clock & (pings.frame == use)), use, account, options)
     raise_if_empty(account, place, "ensemble with bottom track")
-    water = None if use else _water(data, found.where(found.on_clock & (found.frame == 0)), account, options)
+    in_water = found.where(found.on_clock & (found.frame == 0))
+    water = None if use else _water(records.data, in_water, account, options)
     return _recording(table, account, pings, use, water)
 
 
@@ -420,10 +401,9 @@ def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> Wat
     angle = _beam_angle_deg(e) if len(e.position) else None
     if angle is None:
         return None
-    owner, cell, distance_m, velocity, correlation = _profile(data, e.water)
+    owner, cell, distance_m, velocity, correlation = _profile(data, e.spans)
     if not len(owner):
-        owner, distance_m, velocity, correlation = _layer(data, e.water)
-        cell = np.ones(len(owner), dtype=np.int64)
+        return None
     velocity_mps = np.where(velocity == _BAD, NAN, velocity * 1e-3)
     if e.recorded.any():
         velocity_mps = e.beams(velocity_mps, owner, angle)
@@ -443,37 +423,39 @@ def _water(data: bytes, e: Ensembles, account: Account, options: Options) -> Wat
 _WaterCells = tuple[Integers, Integers, Floats, NDArray[np.int16], Floats]
 
 
-def _profile(data: bytes, water: Integers) -> _WaterCells:
-    """The cells of the water profiles, as many as velocities and fixed leader have.
+def _profile(data: bytes, spans: Integers) -> _WaterCells:
+    """The cells of the water profiles, as many as velocities and fixed leader have; without any, `_layer`.
 
     Returns:
         Of each its ensemble, number, distance along the instrument's axis, m, velocities (n, 4), mm/s, and correlations
         (n, 4), NaN where there are none.
     """
-    (fixed, fixed_length), _, (at, length), (correlation_at, correlation_length) = water.transpose(1, 2, 0)
-    known = fixed_length >= 34
-    count, size_m, first_m = np.zeros((3, len(water)))
+    (fixed, fixed_length), *_, (at, length), (correlation_at, correlation_length) = spans.transpose(1, 2, 0)
+    known = ((fixed_length >= 34) & (length > 2)).nonzero()[0]
     setup = fields_at(data, fixed[known], _CELLS)
-    count[known], size_m[known], first_m[known] = setup["cells"], setup["size"] * 0.01, setup["first"] * 0.01
-    cells = np.minimum(count.astype(np.int64), np.maximum(length - 2, 0) // _CELL.itemsize)
-    owner, number = numbered(cells)
+    cells = np.minimum(setup["cells"], (length[known] - 2) // _CELL.itemsize)
+    if not cells.any():
+        return _layer(data, spans)
+    mine, number = numbered(cells)
+    owner, distance_m = known[mine], setup["first"][mine] * 0.01 + setup["size"][mine] * 0.01 * number
     velocity = fields_at(data, at[owner] + 2 + _CELL.itemsize * number, _CELL)["velocity"]
     correlation = np.full((len(owner), _BEAMS), np.nan)
     has = 2 + 4 * (number + 1) <= correlation_length[owner]
     there = correlation_at[owner[has]] + 2 + 4 * number[has]
     correlation[has] = fields_at(data, there, _CELL_CORRELATION)["correlation"]
-    return owner, number + 1, first_m[owner] + size_m[owner] * number, velocity, correlation
+    return owner, number + 1, distance_m, velocity, correlation
 
 
-def _layer(data: bytes, water: Integers) -> tuple[Integers, Floats, NDArray[np.int16], Floats]:
-    """The water-mass layers in which a beam has a velocity, as `_profile` without the number."""
-    at, length = water[:, 1].T
-    owner = np.flatnonzero(length >= 62)
+def _layer(data: bytes, spans: Integers) -> _WaterCells:
+    """The water-mass layers in which a beam has a velocity, as `_profile`; each is cell 1."""
+    at, length = spans[:, 2].T
+    owner = (length >= 62).nonzero()[0]
     layer = fields_at(data, at[owner] + 46, _LAYER)
     there = (layer["far"] > layer["near"]) & (layer["velocity"] != _BAD).any(axis=1)
     middle_m = (layer["near"].astype(np.float64) + layer["far"]) * 0.05
     correlation = layer["correlation"].astype(np.float64)
-    return owner[there], middle_m[there], layer["velocity"][there], correlation[there]
+    owner = owner[there]
+    return owner, np.ones_like(owner), middle_m[there], layer["velocity"][there], correlation[there]
 
 
 def _recording(
@@ -514,4 +496,4 @@ def _recording(
     )
 
 
-FORMAT = binary("pd0", "Teledyne PD0, bottom track", _sniff, _framer, _read)
+FORMAT = binary("pd0", "Teledyne PD0, bottom track", _sniff, _RECORDS, _read)

@@ -178,7 +178,7 @@ def whole_times(times: Times) -> Integers:
 
 def _rising(times: Integers, usable: Flags, position: Integers, account: Account) -> Integers:
     """Indices of the longest strictly rising run of the usable times; the others are counted."""
-    chosen = np.flatnonzero(usable)
+    chosen = usable.nonzero()[0]
     times, position = times[chosen], position[chosen]
     if len(times) < 2 or (times[1:] > times[:-1]).all():
         return chosen

@@ -10,10 +10,9 @@ Source: Teledyne Marine's Python driver (MIT), dvl/packets.py and dvl/system.py,
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Account, Recording
-from bottomlock.io.binary_records import BLOCK, Headers, blocks, bytes_of, fields_at, words_at
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.binary_records import BLOCK, Found, Headers, Records, blocks, bytes_of, fields_at, words_at
 from bottomlock.io.decoder import binary
-from bottomlock.io.framing import Binary
 from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.rows import NAN, Options, make_table, raise_if_empty, running_sums
@@ -44,33 +43,26 @@ def _headers(data: bytes) -> Headers:
         marks = [part[k : k + n] == one for k, one in enumerate(_MARK)]
         found.append(np.flatnonzero(marks[0] & marks[1] & marks[2]) + block)
     start = np.concatenate(found)
-    size = words_at(raw, start + 3)
+    size = words_at(data, start + 3)
     sound = (size > _HEAD + _APPLICATION + 2) & (size <= _LONGEST)
     start, end = start[sound], (start + size)[sound]
     fits = end <= len(raw)
     last = end[fits] - 2
-    fits[fits] = (sums[last] - sums[start[fits]]) == words_at(raw, last).astype(np.uint16)
+    fits[fits] = (sums[last] - sums[start[fits]]) == words_at(data, last).astype(np.uint16)
     return Headers(start, end, fits, np.zeros(len(start), dtype=bool))
-
-
-def _framer() -> Binary:
-    return Binary(_headers, _HEAD)
 
 
 def _sniff(head: bytes) -> bool:
     return _MARK in head and bool(_headers(head).fits.any())
 
 
-def _read(data: bytes, place: str, options: Options) -> Recording:
+def _read(found: Found, place: str, options: Options) -> Recording:
     """The data packets of a stream.
 
     Raises:
         DataError: where there is none, or none in beam coordinates and the velocity alone is not asked for.
     """
-    account = Account(unit="byte")
-    headers = _headers(data)
-    chosen = headers.whole(len(data), account, "packet")
-    start, end = headers.start[chosen], headers.end[chosen]
+    data, start, end, account = found
     raw, sums = bytes_of(data), running_sums(data)
     is_data = raw[start + _HEAD + 1] == _DATA
     account.pass_by_where("packet without data", ~is_data, start)
@@ -78,7 +70,7 @@ def _read(data: bytes, place: str, options: Options) -> Recording:
     content, size = start + _HEAD + _APPLICATION, end - start - _HEAD - _APPLICATION - 2
     long = size >= _LEAST
     last = content[long] + size[long] - 2
-    long[long] = (sums[last] - sums[content[long]]) == words_at(raw, last).astype(np.uint16)
+    long[long] = (sums[last] - sums[content[long]]) == words_at(data, last).astype(np.uint16)
     account.skip_where("data of another layout", ~long, start, lambda k: f"{size[k]} bytes")
     position, f = start[long], fields_at(data, content[long], _CONTENT)
     year, month, day, hour, minute, second = f["clock"].T.astype(np.int64)
@@ -138,4 +130,4 @@ def _read(data: bytes, place: str, options: Options) -> Recording:
     )
 
 
-FORMAT = binary("wayfinder", "Teledyne Wayfinder, binary", _sniff, _framer, _read)
+FORMAT = binary("wayfinder", "Teledyne Wayfinder, binary", _sniff, Records(_headers, _HEAD, "packet"), _read)
