@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account
+from bottomlock.io.beam_table import Account, Flags, Integers
 from bottomlock.io.progress import reporter
 
 BLOCK = 1 << 17
@@ -62,6 +62,54 @@ def fields_at(data: bytes, at: Places, layout: np.dtype[Any]) -> NDArray[Any]:
     if len(at) == 1:  # a record of a stream: five times faster
         return np.frombuffer(data, layout, 1, int(at[0]))
     return np.asarray(every(data, layout)[at])
+
+
+def sums_fit(data: bytes, start: Places, last: Places) -> Flags:
+    """(n,) whether pieces are whole, with the 16-bit sum of their bytes behind them; each byte is summed once."""
+    sums = np.zeros(len(data) + 1, dtype=np.uint16)
+    np.cumsum(bytes_of(data), dtype=np.uint16, out=sums[1:])
+    whole = last + 2 <= len(data)
+    whole[whole] = sums[last[whole]] - sums[start[whole]] == words_at(data, last[whole])
+    return whole
+
+
+Byte = Callable[[int], NDArray[np.uint8]]
+
+
+def search(
+    data: bytes, least: int, mark: Callable[[Byte], Flags], sound: Callable[[Places], Flags]
+) -> Places:
+    """Places of headers of at least so many bytes: `mark` tests many by their n-th bytes, `sound` what is left."""
+    raw, found = bytes_of(data), [np.empty(0, dtype=np.int64)]
+    for block in blocks(max(len(raw) - least + 1, 0)):
+        part = raw[block : block + BLOCK + least - 1]
+        end = len(part) - least + 1
+        at = mark(lambda n, part=part, end=end: part[n : n + end]).nonzero()[0] + block  # type: ignore[misc]
+        found.append(at[sound(at)])
+    return np.concatenate(found)
+
+
+_MONTHS, _DAYS, _THIS_AND_NEXT = np.dtype("datetime64[M]"), np.dtype("datetime64[D]"), np.array([[0], [1]])
+
+
+def calendar_ns(fields: Integers, part_ns: Integers) -> tuple[Integers, Flags]:
+    """Times since 1970, ns, and which of them a calendar and a clock can show.
+
+    Args:
+        fields: (n, 6) year, month, day, hour, minute, second; columns after them are not read.
+        part_ns: (n,) of the second.
+
+    >>> found, good = calendar_ns(np.array([[1970, 1, 2, 0, 1, 2], [2024, 2, 30, 0, 0, 0]]), np.array([3, 0]))
+    >>> found[0], good.tolist()
+    (np.int64(86462000000003), [True, False])
+    """
+    year, month, day, hour, minute, second = fields.T[:6]
+    first, after = (
+        ((year - 1970) * 12 + month - 1 + _THIS_AND_NEXT).astype(_MONTHS).astype(_DAYS).astype(np.int64)
+    )
+    good = (month >= 1) & (month <= 12) & (day >= 1) & (day <= after - first)
+    good &= (hour <= 23) & (minute <= 59) & (second <= 60) & (part_ns < 1_000_000_000)
+    return (((first + day - 1) * 24 + hour) * 3600 + minute * 60 + second) * 1_000_000_000 + part_ns, good
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +188,3 @@ class Records:
         """The whole records of a file."""
         account = Account(unit="byte")
         return Found(data, *self.headers(data).whole(len(data), account, self.what), account)
-
-
-def alone(record: bytes) -> Found:
-    """A record that a framer has found whole."""
-    return Found(record, _FIRST, np.array([len(record)]), Account(unit="byte"))
-
-
-_FIRST = np.zeros(1, dtype=np.int64)

@@ -15,7 +15,7 @@ import numpy as np
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import BLOCK, Found, Records, alone, blocks
+from bottomlock.io.binary_records import BLOCK, Found, Records, blocks
 from bottomlock.io.framing import Binary, Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
@@ -328,6 +328,9 @@ class MessageDecoder(Decoder):
 Read = Callable[[Found, str, Options], Recording]
 
 
+_FIRST = np.zeros(1, dtype=np.int64)
+
+
 @dataclass
 class RecordDecoder(Decoder):
     """Binary records, each read as a file of one.
@@ -363,7 +366,8 @@ class RecordDecoder(Decoder):
                 self.account.pass_by("another kind of record", self.account.read)
                 continue
             try:
-                found = self.read(alone(record), self.place, self._options)
+                one = Found(record, _FIRST, np.array([len(record)]), Account(unit="byte"))
+                found = self.read(one, self.place, self._options)
             except DataError as error:
                 self.account.skip(self._reason(error), self.account.read)
             else:

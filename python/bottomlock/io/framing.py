@@ -103,18 +103,17 @@ class Binary(Framer):
         """The records that `data` completes."""
         self._buffer += data
         size, headers = len(self._buffer), self._headers(self._buffer)
-        found: list[bytes] = []
         taken, behind = [], 0
         spans = sorted(zip(headers.end.tolist(), headers.start.tolist(), headers.fits.tolist(), strict=True))
         for end, start, fits in spans:
             if fits and start >= behind:
                 self.dropped += start - behind
-                found.append(self._buffer[start:end])
                 taken.append((start, end))
                 behind = end
         begun = [start for end, start, _ in spans if end > size and start >= behind]
         keep = max(behind, min([size - self._longest, *begun]))
         self.dropped += keep - behind
+        found = [self._buffer[start:end] for start, end in taken]
         if len(spans) > len(taken):
             outside = np.ones(size + 1, dtype=bool)
             for start, end in taken:

@@ -15,7 +15,16 @@ from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers
 from bottomlock.io.binary_records import Found, fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, RECORDS, WATER_DVL, Frames, frames, kinds, struct_tm_ns
+from bottomlock.io.nortek_frames import (
+    BOTTOM_DVL,
+    RECORDS,
+    WATER_DVL,
+    Frames,
+    flags_of,
+    frames,
+    kinds,
+    struct_tm_ns,
+)
 from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 4
@@ -77,7 +86,7 @@ def _table(data: bytes, pings: Frames, account: Account, options: Options) -> Be
     account.flag_where("instrument reports an error", error > 0, at, lambda k: f"code {error[k]:#x}")
     other = (beams != 0) & (beams != _BEAMS)
     account.flag_where("record states another number of beams", other, at, lambda k: f"{beams[k]} beams")
-    good = _flags(f)
+    good = flags_of(f["status"], 20)
     velocity, along_m, fom = _beams(f, good)
     axes = f["axes"].astype(np.float64)
     first, second = (good[:, k : k + 1] for k in (14, 15))
@@ -111,11 +120,6 @@ def _on_clock(data: bytes, records: Frames) -> tuple[NDArray[Any], Integers, Fla
     return fields[on_clock], time_ns[on_clock], on_clock
 
 
-def _flags(fields: NDArray[Any]) -> Flags:
-    """(n, 20) validity of the beams' velocities, distances and figures of merit, then those of the axes."""
-    return np.asarray((fields["status"][:, None] >> np.arange(20) & 1).astype(bool))
-
-
 def _beams(fields: NDArray[Any], good: Flags) -> tuple[Floats, Floats, Floats]:
     """Velocities, ranges along the beams and figures of merit (n, 4); NaN where there is none."""
     velocity, distance, fom = (fields[name].astype(np.float64) for name in ("velocity", "distance", "fom"))
@@ -133,7 +137,7 @@ def _water(data: bytes, found: Frames, account: Account, options: Options) -> Wa
     if not len(records.start):
         return None
     fields, time_ns, on_clock = _on_clock(data, records)
-    good = _flags(fields)
+    good = flags_of(fields["status"], 20)
     velocity, along_m, fom = _beams(fields, good)
     return make_water(
         account,

@@ -12,35 +12,17 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Integers
 from bottomlock.io.binary_records import (
-    BLOCK,
     WORD,
     Found,
     Headers,
     Places,
     Records,
-    blocks,
     bytes_of,
+    calendar_ns,
     every,
+    search,
     words_at,
-)
-
-_MONTHS, _DAYS, _THIS_AND_NEXT = np.dtype("datetime64[M]"), np.dtype("datetime64[D]"), np.array([[0], [1]])
-
-
-def minute_ns(
-    year: Integers, month: Integers, day: Integers, hour: Integers, minute: Integers
-) -> tuple[Integers, Flags]:
-    """Nanoseconds since 1970 of the beginnings of minutes (n,), and which of them the calendar has (n,).
-
-    >>> found, good = minute_ns(*(np.array(v) for v in ([1970, 2024], [1, 2], [2, 30], [0, 0], [1, 0])))
-    >>> found[0], good.tolist()
-    (np.int64(86460000000000), [True, False])
-    """
-    months = (year.astype(np.int64) - 1970) * 12 + month - 1
-    first, after = (months + _THIS_AND_NEXT).astype(_MONTHS).astype(_DAYS).astype(np.int64)
-    good = (month >= 1) & (month <= 12) & (day >= 1) & (day <= after - first) & (hour <= 23) & (minute <= 59)
-    return ((first + day - 1) * 1440 + hour * 60 + minute) * 60_000_000_000, np.asarray(good, dtype=bool)
-
+)  # fmt: skip
 
 _LEAST, _MOST = 10, 64
 BURST_AD2CP, AVERAGE_AD2CP, BOTTOM_AD2CP = 0x15, 0x16, 0x17
@@ -108,43 +90,38 @@ class _Sums:
     """Checksums of any piece of the bytes in constant time, from running sums of words."""
 
     def __init__(self, data: bytes) -> None:
-        self._raw = bytes_of(data)
+        self._data = data
         # Before each place the words two, four ... bytes before it, modulo 65536, as the checksum is.
         self._sums = np.zeros(max(len(data) + 1, 2), dtype=np.uint16)
         self._sums[2:] = every(data, WORD)
         for words in (self._sums[::2], self._sums[1::2]):
             np.add.accumulate(words, out=words)
 
-    def of(self, start: Places, size: Places) -> NDArray[np.uint16]:
-        """Nortek's checksums of `size` bytes from `start`, for many pieces at once."""
+    def fit(self, start: Places, size: Places, stated: Places) -> Flags:
+        """(n,) whether pieces are whole, and have the checksum that stands at `stated`."""
+        whole: Flags = np.maximum(start + size, stated + 2) <= len(self._data)
+        start, size = start[whole], size[whole]
         odd, sums = size & 1, self._sums
         # The last byte of an odd number is a high one.
-        last = self._raw.take(start + size - 1) * (odd << 8).astype(np.uint16)
-        return np.asarray(sums.take(start + size - odd) - sums.take(start) + last + _BEGIN, dtype=np.uint16)
+        last = bytes_of(self._data).take(start + size - 1) * (odd << 8).astype(np.uint16)
+        found = sums.take(start + size - odd) - sums.take(start) + last + _BEGIN
+        whole[whole] = found == words_at(self._data, stated[whole])
+        return whole
 
 
 def _headers(data: bytes) -> Headers:
     """The headers of a file whose own checksum fits, with that of their data tested."""
     raw, sums = bytes_of(data), _Sums(data)
-    found = [np.empty(0, dtype=np.int64)]
-    for block in blocks(max(len(raw) - _LEAST + 1, 0)):
-        part = raw[block : block + BLOCK + 1]
-        n = min(len(part) - 1, len(raw) - _LEAST + 1 - block)
-        # A size below the least wraps round to a great one.
-        mark = (part[:n] == 0xA5) & (part[1 : n + 1] - np.uint8(_LEAST) <= _MOST - _LEAST)
-        at = block + mark.nonzero()[0]
+
+    def sound(at: Places) -> Flags:
         size = raw.take(at + 1).astype(np.int64) - 2
-        within = at + size + 2 <= len(raw)
-        at, size = at[within], size[within]
-        found.append(at[sums.of(at, size) == words_at(data, at + size).astype(np.uint16)])
-    start = np.concatenate(found)
-    header = raw[start + 1].astype(np.int64)
-    size = words_at(data, start + 4)
-    end = start + header + size
-    fits = end <= len(raw)
-    fits[fits] = sums.of((start + header)[fits], size[fits]) == words_at(data, start + 6)[fits].astype(
-        np.uint16
-    )
+        return sums.fit(at, size, at + size)
+
+    most = _MOST - _LEAST  # a size below the least wraps round to a great one
+    start = search(data, _LEAST, lambda b: (b(0) == 0xA5) & (b(1) - np.uint8(_LEAST) <= most), sound)
+    begin, size = start + raw[start + 1], words_at(data, start + 4)
+    end = begin + size
+    fits = sums.fit(begin, size, start + 6)
     return Headers(start, end, fits, end < start)
 
 
@@ -157,6 +134,11 @@ def frames(found: Found) -> Frames:
     raw, at = bytes_of(found.data), found.start
     start = at + raw[at + 1]
     return Frames(at, raw[at + 2], raw[at + 3], start, found.end - start)
+
+
+def flags_of(status: NDArray[np.uint32], count: int) -> Flags:
+    """(n, count) the least bits of status words, which say what is valid."""
+    return np.asarray((status[:, None] >> np.arange(count) & 1).astype(bool))
 
 
 def kinds(head: bytes) -> set[int]:
@@ -176,7 +158,7 @@ def struct_tm_ns(fields: NDArray[np.uint8], hundred_us: Integers) -> tuple[Integ
         fields: (n, 6) year since 1900, month from 0, day, hour, minute, second.
         hundred_us: (n,) 100 µs.
     """
-    year, month, day, hour, minute, second = fields.T.astype(np.int64)
-    begin, good = minute_ns(year + 1900, month + 1, day, hour, minute)
-    part = hundred_us.astype(np.int64)
-    return begin + second * 1_000_000_000 + part * 100_000, good & (second <= 60) & (part <= 9999)
+    return calendar_ns(fields + _TM, hundred_us.astype(np.int64) * 100_000)
+
+
+_TM = np.array([1900, 1, 0, 0, 0, 0])

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Integers, Recording, WaterTable
+from bottomlock.io.beam_table import Account, BeamTable, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import Found, fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE, layer_range_m, no_layer_note, vertical_note
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, RECORDS, WATER_NUCLEUS, frames, kinds
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, RECORDS, WATER_NUCLEUS, flags_of, frames, kinds
 from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 3
@@ -90,7 +90,7 @@ def _table(fields: NDArray[Any], position: Integers, account: Account, options: 
     on_clock = fields["micros"] <= 999_999
     account.skip_where("clock out of range", ~on_clock, position)
     f = fields[on_clock]
-    good = _flags(f)
+    good = flags_of(f["status"], 15)
     known = good[:, 9:12].all(axis=1)
     return make_table(
         account,
@@ -118,7 +118,7 @@ def _water(fields: NDArray[Any], position: Integers, account: Account, options: 
         return None
     on_clock = fields["micros"] <= 999_999
     f = fields[on_clock]
-    good = _flags(f)
+    good = flags_of(f["status"], 15)
     return make_water(
         account,
         position[on_clock],
@@ -130,11 +130,6 @@ def _water(fields: NDArray[Any], position: Integers, account: Account, options: 
         sd=np.where(good[:, 6:9], f["fom"], NAN),
         negate=options.negate_beams,
     )
-
-
-def _flags(fields: NDArray[Any]) -> Flags:
-    """(n, 15) validity of the beams' velocities, distances and figures of merit, then those of the axes."""
-    return np.asarray((fields["status"][:, None] >> np.arange(15) & 1).astype(bool))
 
 
 def _time_ns(fields: NDArray[Any]) -> Integers:

@@ -21,22 +21,22 @@ from numpy.typing import NDArray
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
 from bottomlock.io.binary_records import (
-    BLOCK,
     EMPTY,
     Found,
     Headers,
     Places,
     Records,
-    blocks,
     bytes_of,
+    calendar_ns,
     fields_at,
     numbered,
+    search,
+    sums_fit,
     words_at,
-)
+)  # fmt: skip
 from bottomlock.io.decoder import binary
-from bottomlock.io.nortek_frames import minute_ns
 from bottomlock.io.pd0_axes import beams_of_axes
-from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty, running_sums
+from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty
 
 _BEAMS = 4
 FRAMES = ("beam", "instrument", "ship", "earth")
@@ -84,31 +84,24 @@ def _sniff(head: bytes) -> bool:
 def _header_places(data: bytes) -> Places:
     """Places where an ensemble seems to begin: two sync bytes, a table of offsets, and a leader behind it."""
     raw = bytes_of(data)
-    found = [np.empty(0, dtype=np.int64)]
-    for block in blocks(max(len(raw) - 7, 0)):
-        part = raw[block : block + BLOCK + 7]
-        n = len(part) - 7
-        # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
-        mark = (part[:n] == 0x7F) & (part[1 : n + 1] == 0x7F) & (part[7:] <= 2) & (part[5 : n + 5] > 0)
-        at = mark.nonzero()[0] + block
+
+    def sound(at: Places) -> Flags:
         first = 6 + 2 * raw[at + 5].astype(np.int64)
-        good = (words_at(data, at + 6) == first) & (first + 2 <= words_at(data, at + 2))
+        good: Flags = (words_at(data, at + 6) == first) & (first + 2 <= words_at(data, at + 2))
         good &= at + first + 2 <= len(raw)
-        at, first = at[good], first[good]
-        leader = at + first
-        found.append(at[(raw[leader] <= 1) & (raw[leader + 1] == 0)])
-    return np.concatenate(found)
+        leader = (at + first)[good]
+        good[good] = (raw[leader] <= 1) & (raw[leader + 1] == 0)
+        return good
+
+    # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
+    return search(data, 8, lambda b: (b(0) == 0x7F) & (b(1) == 0x7F) & (b(7) <= 2) & (b(5) > 0), sound)
 
 
 def _headers(data: bytes) -> Headers:
     """The headers of a file, with the 16-bit sum of all bytes of each ensemble tested."""
-    raw, sums = bytes_of(data), running_sums(data)
     start = _header_places(data)
     last = start + words_at(data, start + 2)
-    fits = last + 2 <= len(raw)
-    a, b = start[fits], last[fits]
-    fits[fits] = (sums[b] - sums[a]) == words_at(data, b).astype(np.uint16)
-    return Headers(start, last + 2, fits, last - start < _LEAST)
+    return Headers(start, last + 2, sums_fit(data, start, last), last - start < _LEAST)
 
 
 _RECORDS = Records(_headers, 6 + 2 * 0xFF + 2, "ensemble")
@@ -223,10 +216,7 @@ def _times(raw: NDArray[np.uint8], leader: Places, length: Places) -> tuple[Inte
         long = long[set_]
         clock[long] = raw[leader[long][:, None] + _CENTURY_CLOCK]
         clock[long, 0] += century[set_] * 100
-    year, month, day, hour, minute, second, hundredth = clock.T
-    begin, good = minute_ns(year, month, day, hour, minute)
-    good &= (second <= 60) & (hundredth <= 99)
-    return begin + second * 1_000_000_000 + hundredth * 10_000_000, good
+    return calendar_ns(clock, clock[:, 6] * 10_000_000)
 
 
 def _bottom(data: bytes, spans: Places) -> tuple[Flags, Floats, Floats, Floats, Flags]:

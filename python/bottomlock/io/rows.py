@@ -120,8 +120,6 @@ def make_table(
     account.flag_where("valid beam without a finite velocity", wrong, where)
     keep = _rising(times, ~late, where, account)
     account.kept = len(keep)
-    if not len(keep):
-        return _empty(beams)
     if len(keep) < n:
         times, usable, columns = times[keep], usable[keep], [column[keep] for column in columns]
         arrival = None if arrival is None else arrival[keep]
@@ -272,21 +270,6 @@ def _sorted_cells(times: Integers, number: Integers, at: Integers, account: Acco
     return order[~repeats[order]]
 
 
-def _empty(beams: int) -> BeamTable:
-    """A table without rows."""
-    none = np.empty((0, beams))
-    return BeamTable(
-        time_ns=np.empty(0, dtype=np.int64),
-        velocity_mps=none,
-        valid=np.empty((0, beams), dtype=bool),
-        range_m=none,
-        quality=none,
-        sd_mps=none,
-        instrument_mps=np.empty((0, 3)),
-        instrument_valid=np.empty(0, dtype=np.int8),
-    )
-
-
 def longest_rising(times: Sequence[int]) -> list[int]:
     """Indices of a longest strictly rising subsequence (patience sorting, n log n).
 
@@ -311,16 +294,6 @@ def longest_rising(times: Sequence[int]) -> list[int]:
         found.append(k)
         k = before[k]
     return found[::-1]
-
-
-def running_sums(data: bytes) -> NDArray[np.uint16]:
-    """Sums of all bytes before each place, modulo 65536: a 16-bit checksum of any piece is then two look-ups.
-
-    Each byte is summed once, however many false headers a file has.
-    """
-    sums = np.zeros(len(data) + 1, dtype=np.uint16)
-    np.cumsum(np.frombuffer(data, dtype=np.uint8), dtype=np.uint16, out=sums[1:])
-    return sums
 
 
 def lost(account: Account) -> str:

@@ -28,7 +28,7 @@ from bottomlock.io.log_stream import (
     velocity_of_displacements,
 )
 from bottomlock.io.progress import reporter
-from bottomlock.support.extras import install
+from bottomlock.support.extras import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 NAME = "mavlink-tlog"
@@ -193,22 +193,9 @@ def streams(data: bytes, place: str) -> LogStreams:
     return finish(log, place)
 
 
-def _dialect() -> Any:  # noqa: ANN401 - the library is not typed
-    """The library's messages, version 2.
-
-    Raises:
-        DataError: where it is not installed.
-    """
-    try:
-        from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        raise DataError(f"MAVLink logs need the library pymavlink: {install('mavlink')}") from error
-    return ardupilotmega
-
-
 def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], _Read], set[int]]:
     """What each source sent of each message that is used, and the systems that have an autopilot."""
-    library = _dialect()
+    library = mavlink(DataError)
     parser = library.MAVLink(None)
     wanted = {getattr(library, f"MAVLINK_MSG_ID_{name}"): name for name in _MESSAGES}
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT

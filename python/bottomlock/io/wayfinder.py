@@ -10,12 +10,22 @@ Source: Teledyne Marine's Python driver (MIT), dvl/packets.py and dvl/system.py,
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Recording
-from bottomlock.io.binary_records import BLOCK, Found, Headers, Records, blocks, bytes_of, fields_at, words_at
+from bottomlock.io.beam_table import Flags, Recording
+from bottomlock.io.binary_records import (
+    Found,
+    Headers,
+    Places,
+    Records,
+    bytes_of,
+    calendar_ns,
+    fields_at,
+    search,
+    sums_fit,
+    words_at,
+)  # fmt: skip
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_dvl import UNSURE
-from bottomlock.io.nortek_frames import minute_ns
-from bottomlock.io.rows import NAN, Options, make_table, raise_if_empty, running_sums
+from bottomlock.io.rows import NAN, Options, make_table, raise_if_empty
 
 _MARK = bytes([0xAA, 0x10, 0x01])
 _HEAD, _APPLICATION, _DATA, _LONGEST = 5, 4, 5, 33_000
@@ -23,6 +33,7 @@ _LEAST = 87
 """Bytes of a content."""
 _FRAMES = ("beam", "instrument", "ship", "earth")
 _BEAMS = 4
+_CENTURY = np.array([2000, 0, 0, 0, 0, 0])
 _CONTENT = np.dtype(
     {
         "names": ["size", "clock", "millis", "frame", "velocity", "range", "mean", "sound"],
@@ -35,21 +46,14 @@ _CONTENT = np.dtype(
 
 def _headers(data: bytes) -> Headers:
     """Every mark with a length that a packet can have, and its sum tested."""
-    raw, sums = bytes_of(data), running_sums(data)
-    found = [np.empty(0, dtype=np.int64)]
-    for block in blocks(max(len(raw) - _HEAD + 1, 0)):
-        part = raw[block : block + BLOCK + 2]
-        n = min(len(part) - 2, len(raw) - _HEAD + 1 - block)
-        marks = [part[k : k + n] == one for k, one in enumerate(_MARK)]
-        found.append(np.flatnonzero(marks[0] & marks[1] & marks[2]) + block)
-    start = np.concatenate(found)
-    size = words_at(data, start + 3)
-    sound = (size > _HEAD + _APPLICATION + 2) & (size <= _LONGEST)
-    start, end = start[sound], (start + size)[sound]
-    fits = end <= len(raw)
-    last = end[fits] - 2
-    fits[fits] = (sums[last] - sums[start[fits]]) == words_at(data, last).astype(np.uint16)
-    return Headers(start, end, fits, np.zeros(len(start), dtype=bool))
+
+    def sound(at: Places) -> Flags:
+        size = words_at(data, at + 3)
+        return (size > _HEAD + _APPLICATION + 2) & (size <= _LONGEST)
+
+    start = search(data, _HEAD, lambda b: (b(0) == 0xAA) & (b(1) == 0x10) & (b(2) == 0x01), sound)
+    end = start + words_at(data, start + 3)
+    return Headers(start, end, sums_fit(data, start, end - 2), np.zeros(len(start), dtype=bool))
 
 
 def _sniff(head: bytes) -> bool:
@@ -63,28 +67,18 @@ def _read(found: Found, place: str, options: Options) -> Recording:
         DataError: where there is none, or none in beam coordinates and the velocity alone is not asked for.
     """
     data, start, end, account = found
-    raw, sums = bytes_of(data), running_sums(data)
-    is_data = raw[start + _HEAD + 1] == _DATA
+    is_data = bytes_of(data)[start + _HEAD + 1] == _DATA
     account.pass_by_where("packet without data", ~is_data, start)
     start, end = start[is_data], end[is_data]
     content, size = start + _HEAD + _APPLICATION, end - start - _HEAD - _APPLICATION - 2
-    long = size >= _LEAST
-    last = content[long] + size[long] - 2
-    long[long] = (sums[last] - sums[content[long]]) == words_at(data, last).astype(np.uint16)
+    long = (size >= _LEAST) & sums_fit(data, content, content + size - 2)
     account.skip_where("data of another layout", ~long, start, lambda k: f"{size[k]} bytes")
     position, f = start[long], fields_at(data, content[long], _CONTENT)
-    year, month, day, hour, minute, second = f["clock"].T.astype(np.int64)
-    begin, on_clock = minute_ns(year + 2000, month, day, hour, minute)
-    on_clock &= (second <= 60) & (f["millis"] <= 999)
+    time_ns, on_clock = calendar_ns(f["clock"] + _CENTURY, f["millis"].astype(np.int64) * 1_000_000)
     account.skip_where("clock out of range", ~on_clock, position)
-    in_beams = f["frame"] == 0
-    use = (
-        0
-        if in_beams.any() and not options.instrument_only
-        else int(f["frame"][on_clock][0])
-        if on_clock.any()
-        else 0
-    )
+    use = 0
+    if on_clock.any() and (options.instrument_only or f["frame"].all()):
+        use = int(f["frame"][on_clock][0])
     if use and not options.instrument_only:
         raise DataError(
             f"{len(f)} pings in {_FRAMES[use & 3]} coordinates hold no beam velocities",
@@ -94,8 +88,7 @@ def _read(found: Found, place: str, options: Options) -> Recording:
     others = on_clock & (f["frame"] != use)
     account.skip_where(f"other coordinates among {_FRAMES[use & 3]} coordinates", others, position)
     kept = on_clock & (f["frame"] == use)
-    time_ns = (begin + second * 1_000_000_000 + f["millis"].astype(np.int64) * 1_000_000)[kept]
-    f, position = f[kept], position[kept]
+    f, position, time_ns = f[kept], position[kept], time_ns[kept]
     velocity, range_m = f["velocity"].astype(np.float64), f["range"].astype(np.float64)
     beams = 0 if use else _BEAMS
     with np.errstate(invalid="ignore"):

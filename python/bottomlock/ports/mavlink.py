@@ -19,7 +19,7 @@ from bottomlock.errors import ScenarioError, note
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port
-from bottomlock.support.extras import install
+from bottomlock.support.extras import mavlink
 from bottomlock.units import ns_from_s
 
 MAX_RATE_HZ: float = 10.0
@@ -72,13 +72,11 @@ def dialect() -> Any:  # noqa: ANN401 - the library is not typed
         ScenarioError: where the library is not installed, except in a dry run.
     """
     try:
-        from pymavlink.dialects.v20 import ardupilotmega  # noqa: PLC0415 - an extra
-    except ImportError as error:
-        missing = f"MAVLink needs the library pymavlink: {install('mavlink')}"
+        return mavlink(ScenarioError)
+    except ScenarioError as error:
         if _state["dry run"]:
-            return _stand_in(missing)
-        raise ScenarioError(missing) from error
-    return ardupilotmega
+            return _stand_in(str(error))
+        raise
 
 
 def packed(link: Any, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
