@@ -126,3 +126,11 @@ def test_a_changed_mission_is_checked_at_once() -> None:
     """Not only when the mission is built."""
     with pytest.raises(ScenarioError, match=r"unknown key 'mission\.leg_mm', did you mean 'leg_m'"):
         load_scenario("lawn_mower").replace({"mission.leg_mm": 40.0})
+
+
+@pytest.mark.parametrize("value", ["true", '"2"'])
+def test_what_is_no_number_is_not_made_one(value: str) -> None:
+    """Neither true, which would be 1, nor a text that looks like a number."""
+    text = (PACKAGED / "scenarios" / "slope.toml").read_text("utf-8")
+    with pytest.raises(ScenarioError, match=r"'thrust.rate_hz' is .*, expected a valid number Hz"):
+        parse_scenario(f"{text}\n[thrust]\nrate_hz = {value}\n", place="slope")

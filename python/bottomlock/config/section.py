@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
 
 from bottomlock import units
 from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
 
-Fraction = Annotated[float, Field(ge=0, le=1)]
+Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 Vector = tuple[Finite, Finite, Finite]
 Named = TypeVar("Named", str, Path)

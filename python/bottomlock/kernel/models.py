@@ -24,7 +24,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, Strict
 
 from bottomlock.kernel import EARTH_RATE_RADPS, KernelError, check_settings, normal_gravity_mps2
 
@@ -40,9 +40,9 @@ def _tuple(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - the kernel has ch
 
 Vector = Annotated[Sequence[float] | NDArray[np.float64], PlainValidator(_tuple)]
 """Numbers of a fixed length; kept as a tuple."""
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Strict(), Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 _ONE = Field(json_schema_extra={"unit": "1"})
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 
