@@ -208,7 +208,7 @@ class Ensembles:
 def _times(raw: NDArray[np.uint8], leader: Places, length: Places) -> tuple[Integers, Flags]:
     """Clocks of variable leaders, ns since 1970, and which are sound; the one with a century where it is set."""
     clock = raw[leader[:, None] + _CLOCK].astype(np.int64)
-    clock[:, 0] += np.where(clock[:, 0] < 80, 2000, 1900)
+    clock[:, 0] += 1900 + 100 * (clock[:, 0] < 80)
     long = (length >= 65).nonzero()[0]
     if len(long):
         century = raw[leader[long] + _CENTURY].astype(np.int64)

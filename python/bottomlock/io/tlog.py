@@ -54,13 +54,18 @@ _MG, _MRADPS = 1e-3 * STANDARD_GRAVITY_MPS2, 1e-3
 
 
 @dataclass(frozen=True)
-class _Message:
+class Message:
     """A message as a stream: its time's field and factor to us, our columns, and their values; None leaves it out."""
 
     time: tuple[str, int]
     columns: tuple[str, ...]
     values: Callable[[Any], _Values | None]
     remark: str = ""
+
+    def time_us(self, message: Any) -> int:  # noqa: ANN401 - the library's messages are not typed
+        """The sender's time."""
+        name, factor = self.time
+        return int(getattr(message, name)) * factor
 
 
 _IMU = tuple(f"gyro_{a}_radps" for a in "xyz") + tuple(f"acc_{a}_mps2" for a in "xyz")
@@ -69,7 +74,7 @@ _BOOT, _USEC = ("time_boot_ms", 1000), ("time_usec", 1)
 _SENT = "positions that were sent to the autopilot: whose they are, the log does not say"
 
 
-def _scaled_imu(m: Any) -> _Values:  # noqa: ANN401 - the library's messages are not typed
+def _scaled_imu(m: Any) -> _Values:  # noqa: ANN401
     gyro, acc = (m.xgyro, m.ygyro, m.zgyro), (m.xacc, m.yacc, m.zacc)
     return (*(_MRADPS * w for w in gyro), *(_MG * f for f in acc))
 
@@ -82,42 +87,43 @@ def _odometry(m: Any) -> _Values | None:  # noqa: ANN401
     return (m.vx, m.vy, m.vz) if m.child_frame_id == _BODY_FRD else None
 
 
-_MESSAGES: dict[str, _Message] = {
-    "HIGHRES_IMU": _Message(_USEC, _IMU, lambda m: (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)),
-    "RAW_IMU": _Message(_USEC, _IMU, _scaled_imu),
-    **{f"SCALED_IMU{k}": _Message(_BOOT, _IMU, _scaled_imu) for k in ("", "2", "3")},
-    "ATTITUDE": _Message(_BOOT, ("roll_rad", "pitch_rad", "yaw_rad"), lambda m: (m.roll, m.pitch, m.yaw), ESTIMATE),
-    "ATTITUDE_QUATERNION": _Message(_BOOT, ("q_w", "q_x", "q_y", "q_z"), lambda m: (m.q1, m.q2, m.q3, m.q4), ESTIMATE),
+MESSAGES: dict[str, Message] = {
+    "HIGHRES_IMU": Message(_USEC, _IMU, lambda m: (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)),
+    "RAW_IMU": Message(_USEC, _IMU, _scaled_imu),
+    **{f"SCALED_IMU{k}": Message(_BOOT, _IMU, _scaled_imu) for k in ("", "2", "3")},
+    "ATTITUDE": Message(_BOOT, ("roll_rad", "pitch_rad", "yaw_rad"), lambda m: (m.roll, m.pitch, m.yaw), ESTIMATE),
+    "ATTITUDE_QUATERNION": Message(_BOOT, ("q_w", "q_x", "q_y", "q_z"), lambda m: (m.q1, m.q2, m.q3, m.q4), ESTIMATE),
     **{
-        f"SCALED_PRESSURE{k}": _Message(_BOOT, ("pressure_pa",), lambda m: (100.0 * m.press_abs,))
+        f"SCALED_PRESSURE{k}": Message(_BOOT, ("pressure_pa",), lambda m: (100.0 * m.press_abs,))
         for k in ("", "2", "3")
     },
     **{
-        name: _Message(_USEC, ("latitude_deg", "longitude_deg", "height_m"), _fixed)
+        name: Message(_USEC, ("latitude_deg", "longitude_deg", "height_m"), _fixed)
         for name in ("GPS_RAW_INT", "GPS2_RAW")
     },
-    "GLOBAL_POSITION_INT": _Message(
+    "GLOBAL_POSITION_INT": Message(
         _BOOT, ("latitude_deg", "longitude_deg", "height_m", *_NED),
         lambda m: (m.lat / 1e7, m.lon / 1e7, m.alt / 1e3, m.vx / 1e2, m.vy / 1e2, m.vz / 1e2)
         if m.lat or m.lon else None,
         ESTIMATE,
     ),
-    "LOCAL_POSITION_NED": _Message(
+    "LOCAL_POSITION_NED": Message(
         _BOOT, ("north_m", "east_m", "down_m", *_NED), lambda m: (m.x, m.y, m.z, m.vx, m.vy, m.vz), ESTIMATE
     ),
-    "VISION_POSITION_ESTIMATE": _Message(
+    "VISION_POSITION_ESTIMATE": Message(
         ("usec", 1), ("north_m", "east_m", "down_m"), lambda m: (m.x, m.y, m.z), _SENT
     ),
-    "GLOBAL_VISION_POSITION_ESTIMATE": _Message(
+    "GLOBAL_VISION_POSITION_ESTIMATE": Message(
         ("usec", 1), ("north_m", "east_m", "down_m"), lambda m: (m.x, m.y, m.z), _SENT
     ),
-    "VISION_POSITION_DELTA": _Message(
+    "VISION_POSITION_DELTA": Message(
         _USEC, ("interval_s", "x_m", "y_m", "z_m", "confidence"),
         lambda m: (m.time_delta_usec * 1e-6, *m.position_delta, m.confidence),
     ),
-    "VISION_SPEED_ESTIMATE": _Message(("usec", 1), ("x_mps", "y_mps", "z_mps"), lambda m: (m.x, m.y, m.z)),
-    "ODOMETRY": _Message(_USEC, ("surge_mps", "sway_mps", "heave_mps"), _odometry),
+    "VISION_SPEED_ESTIMATE": Message(("usec", 1), ("x_mps", "y_mps", "z_mps"), lambda m: (m.x, m.y, m.z)),
+    "ODOMETRY": Message(_USEC, ("surge_mps", "sway_mps", "heave_mps"), _odometry),
 }  # fmt: skip
+"""What is read, of a log and of a stream, by name."""
 
 
 @dataclass(eq=False)
@@ -180,7 +186,7 @@ def streams(data: bytes, place: str) -> LogStreams:
     )
     clocks = _clocks(found)
     for (source, name), read_ in found.items():
-        message = _MESSAGES[name]
+        message = MESSAGES[name]
         several = sum(other == name for _, other in found) > 1
         label = f"{name} of {source[0]}/{source[1]}" if several else name
         columns = dict(zip(message.columns, np.array(read_.values, dtype=np.float64).T, strict=True))
@@ -197,7 +203,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
     """What each source sent of each message that is used, and the systems that have an autopilot."""
     library = mavlink(DataError)
     parser = library.MAVLink(None)
-    wanted = {getattr(library, f"MAVLINK_MSG_ID_{name}"): name for name in _MESSAGES}
+    wanted = {getattr(library, f"MAVLINK_MSG_ID_{name}"): name for name in MESSAGES}
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
     found: dict[tuple[_Source, str], _Read] = {}
     vehicles: set[int] = set()
@@ -251,14 +257,13 @@ def _kind(packet: bytes) -> tuple[int, _Source]:
 
 
 def _take(read_: _Read, order: int, stamp: bytes, message: Any) -> None:  # noqa: ANN401 - the library is not typed
-    spec = _MESSAGES[message.get_type()]
+    spec = MESSAGES[message.get_type()]
     values = spec.values(message)
     if values is None:
         return
-    name, factor = spec.time
     read_.order.append(order)
     read_.stamp_us.append(int.from_bytes(stamp, "big"))
-    read_.own_us.append(min(int(getattr(message, name)) * factor, _LATEST_US))
+    read_.own_us.append(min(spec.time_us(message), _LATEST_US))
     read_.values.append(values)
 
 

@@ -16,6 +16,7 @@ from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
+from bottomlock.io.tlog import MESSAGES
 from bottomlock.live.sections import ROS_TYPES, AttitudeMessage, DepthSection
 from bottomlock.live.states import Reasons
 from bottomlock.ports.mavlink import dialect
@@ -26,7 +27,6 @@ from bottomlock.recordings.readings import (
     GpsReading,
     ImuReading,
     Ping,
-    Quaternion,
     Reading,
     Triple,
 )
@@ -34,11 +34,8 @@ from bottomlock.recordings.rotation import quaternion
 from bottomlock.recordings.sensors import INSTRUMENTS, is_on_earth
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
-PASCAL_PER_HECTOPASCAL = 100.0
 SLOW_HZ = 10.0
 """Greatest rate at which an autopilot is asked for what does not move the vehicle."""
-_FIX_3D = 3
-"""Of GPS_RAW_INT: from here on the position has a height."""
 ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
 
@@ -215,45 +212,28 @@ class MavlinkReader(Reader[Reading]):
             )
             return None
         self.system, self.component = sender
-        if kind == self.attitude:
-            return self._turned(kind, message)
-        if kind == "HIGHRES_IMU" and self.inertial:
-            omega = (message.xgyro, message.ygyro, message.zgyro)
-            force = (message.xacc, message.yacc, message.zacc)
-            if all(map(math.isfinite, (*omega, *force))):
-                return ImuReading(message.time_usec * 1000, omega, force)
-            self.skipped.add("HIGHRES_IMU without finite numbers")
-        elif kind == "GPS_RAW_INT" and self.gps:
-            return self._fixed(message)
-        elif self.depth is not None and kind == self.depth.message:
-            pressure_pa = message.press_abs * PASCAL_PER_HECTOPASCAL
-            if math.isfinite(pressure_pa):
-                return DepthReading(
-                    message.time_boot_ms * 1_000_000, self.depth.depth_m(pressure_pa, self.gravity_mps2)
-                )
-            self.skipped.add(f"{kind} without a finite pressure")
-        return None
-
-    def _fixed(self, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
-        """GPS_RAW_INT: 1e-7 degrees, and mm above the sea."""
-        latitude, longitude = message.lat * 1e-7, message.lon * 1e-7
-        if message.fix_type < _FIX_3D or not is_on_earth(latitude, longitude):
-            self.skipped.add("GPS_RAW_INT without a fix in 3D")
-            return None
-        return GpsReading(message.time_usec * 1000, latitude, longitude, message.alt * 1e-3)
-
-    def _turned(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
-        """ATTITUDE in Euler angles, ATTITUDE_QUATERNION scalar first, both of forward-starboard-down to NED."""
-        if kind == "ATTITUDE":
-            parts: Quaternion = quaternion(message.roll, message.pitch, message.yaw)
-        else:
-            parts = (message.q1, message.q2, message.q3, message.q4)
-        norm = math.hypot(*parts)
-        # Also not for numbers that are none.
-        if abs(norm - 1.0) < ROUNDING:
-            w, x, y, z = (part / norm for part in parts)
-            return AttitudeReading(message.time_boot_ms * 1_000_000, (w, x, y, z))
-        self.skipped.add(f"{kind} without a unit quaternion")
+        values, time_ns = MESSAGES[kind].values(message), MESSAGES[kind].time_us(message) * 1000
+        if values is None or (kind == "GPS_RAW_INT" and not is_on_earth(*values[:2])):
+            self.skipped.add(f"{kind} without a fix in 3D")
+        elif kind == "GPS_RAW_INT":
+            return GpsReading(time_ns, *values)
+        elif kind == self.attitude:
+            # Both of forward-starboard-down to north-east-down.
+            parts = quaternion(*values) if kind == "ATTITUDE" else values
+            norm = math.hypot(*parts)
+            # Also not for numbers that are none.
+            if abs(norm - 1.0) < ROUNDING:
+                w, x, y, z = (part / norm for part in parts)
+                return AttitudeReading(time_ns, (w, x, y, z))
+            self.skipped.add(f"{kind} without a unit quaternion")
+        elif not all(map(math.isfinite, values)):
+            what = "finite numbers" if kind == "HIGHRES_IMU" else "a finite pressure"
+            self.skipped.add(f"{kind} without {what}")
+        elif kind == "HIGHRES_IMU":
+            p, q, r, x, y, z = values
+            return ImuReading(time_ns, (p, q, r), (x, y, z))
+        elif self.depth is not None:
+            return DepthReading(time_ns, self.depth.depth_m(values[0], self.gravity_mps2))
         return None
 
 
