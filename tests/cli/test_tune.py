@@ -22,9 +22,11 @@ def known() -> Dive:
 
 @pytest.fixture(scope="module")
 def folder(known: Dive, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A case with wrong noise, tuned by the command."""
+    """A case with wrong noise, of an editor on Windows, tuned by the command."""
     folder = tmp_path_factory.mktemp("tune")
     write_case(folder, known, WRONG)
+    path = folder / "case.toml"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     done = command("tune", folder / "case.toml")
     assert done.returncode == 0, done.stderr
     return folder
@@ -51,7 +53,10 @@ def test_the_noise_is_that_of_the_recording(folder: Path, known: Dive) -> None:
 
 
 def test_the_case_is_edited_key_by_key(folder: Path) -> None:
-    """Other lines and comments stay; each new value has its sigma, its old value and its gain beside it."""
+    """Other lines, their ends and comments stay; each new value has its sigma, old value and gain beside it."""
+    tuned = (folder / "case_tuned.toml").read_bytes()
+    assert tuned.count(b"\r\n") == tuned.count(b"\n") > 10
+    assert b"\r\r" not in tuned
     old = (folder / "case.toml").read_text(encoding="utf-8").splitlines()
     new = (folder / "case_tuned.toml").read_text(encoding="utf-8").splitlines()
     noise = [line for line in new if line.startswith("accel_noise_mps_per_rt_h")]

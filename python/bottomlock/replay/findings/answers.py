@@ -49,7 +49,7 @@ def _heading(prepared: PreparedRun, samples: pl.DataFrame, taken: str) -> list[s
         return []
     text = (
         f"Heading at the start: the whole log corrects it by {found.change_deg:+.1f} deg, {found.sigmas:.1f} "
-        f"times its 1 sigma of {found.sd_deg:.2g} deg ({taken}); {found.left_deg:.2g} deg are left."
+        f"times its 1 sigma of {found.sd_deg:.3g} deg ({taken}); {found.left_deg:.3g} deg are left."
     )
     return [text]
 

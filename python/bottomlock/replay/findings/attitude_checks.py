@@ -207,7 +207,7 @@ def heading_findings(prepared: PreparedRun, samples: pl.DataFrame, method: str) 
                 "start_heading", "fault", correction.sigmas**2,
                 f"The whole log corrects the heading at the start by {correction.change_deg:+.1f} deg, "
                 f"{correction.sigmas:.0f} times its claimed 1 sigma.",
-                f"{method}, smoothed; {correction.left_deg:.2g} deg are left. Start: "
+                f"{method}, smoothed; {correction.left_deg:.3g} deg are left. Start: "
                 f"{prepared.alignment.sources.get('heading', '')}.",
                 "Set start.heading_deg to what the log finds, or start.heading_sd_deg to what is known of it.",
                 "start.heading_sd_deg",

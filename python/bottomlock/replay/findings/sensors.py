@@ -51,7 +51,7 @@ class SensorRow:
             f"; its slow error is {self.slow_error:.2g} times what the case states" if self.slow_error else ""
         )
         return (
-            f"Of {self.measured} readings of {self.sensor.replace('_', ' ')} {100.0 * self.rejected_part:.2g} % are "
+            f"Of {self.measured} readings of {self.sensor.replace('_', ' ')} {100.0 * self.rejected_part:.3g} % are "
             f"rejected, NIS {self.nis:.2g} of {self.degrees:.2g}{slow}."
         )
 

@@ -62,7 +62,7 @@ def remark(one: TunedParameter) -> str:
 
 
 def tuned_text(path: Path, tuned: Tuned) -> str:
-    """The text of the case with its tuned values.
+    """The text of the case with its tuned values, and with its ends of lines.
 
     Raises:
         ScenarioError: for a key that is not on a line of its own.
@@ -71,7 +71,7 @@ def tuned_text(path: Path, tuned: Tuned) -> str:
     values = {one.key: rounded(one) for one in chosen}
     text = edited(read_text(path), values, {one.key: remark(one) for one in chosen}, place=str(path))
     parse_case(text, place=str(path), folder=path.parent)
-    return text
+    return text.replace("\n", "\r\n") if b"\r\n" in path.read_bytes() else text
 
 
 def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> None:
