@@ -1,6 +1,6 @@
 """Binary records behind false starts: headers are found, tested and read for the whole file at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -73,18 +73,25 @@ def sums_fit(data: bytes, start: Places, last: Places) -> Flags:
     return whole
 
 
-Byte = Callable[[int], NDArray[np.uint8]]
-
-
 def search(
-    data: bytes, least: int, mark: Callable[[Byte], Flags], sound: Callable[[Places], Flags]
+    data: bytes,
+    mark: bytes,
+    least: int,
+    limits: Mapping[int, tuple[int, int]],
+    sound: Callable[[Places], Flags],
 ) -> Places:
-    """Places of headers of at least so many bytes: `mark` tests many by their n-th bytes, `sound` what is left."""
+    """Places of headers of so many bytes or more, by their mark, the limits of their n-th bytes, and a further test."""
     raw, found = bytes_of(data), [np.empty(0, dtype=np.int64)]
     for block in blocks(max(len(raw) - least + 1, 0)):
         part = raw[block : block + BLOCK + least - 1]
         end = len(part) - least + 1
-        at = mark(lambda n, part=part, end=end: part[n : n + end]).nonzero()[0] + block  # type: ignore[misc]
+        marked = part[:end] == mark[0]
+        for n in range(1, len(mark)):
+            marked &= part[n : n + end] == mark[n]
+        for n, (low, high) in limits.items():
+            # What is below the lower limit wraps round to a great number.
+            marked &= part[n : n + end] - np.uint8(low) <= high - low
+        at = marked.nonzero()[0] + block
         found.append(at[sound(at)])
     return np.concatenate(found)
 
@@ -175,11 +182,13 @@ class Records:
     """Records of one kind of framing.
 
     Attributes:
+        mark: with which every header begins.
         headers: finds every header in some bytes.
         longest: bytes of the longest header.
         what: a record's name.
     """
 
+    mark: bytes
     headers: Callable[[bytes], Headers]
     longest: int
     what: str

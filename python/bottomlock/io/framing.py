@@ -95,14 +95,18 @@ class Binary(Framer):
 
     def __init__(self, records: Records) -> None:
         super().__init__()
-        self._headers, self._longest = records.headers, records.longest
-        self._buffer = b""
+        self._headers, self._longest, self._mark = records.headers, records.longest, records.mark
+        self._buffer, self._until = b"", 0
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[bytes]:
         """The records that `data` completes."""
         self._buffer += data
-        size, headers = len(self._buffer), self._headers(self._buffer)
+        size = len(self._buffer)
+        if size < self._until and self._buffer.find(self._mark, 1) < 0:
+            # Within the only record that has begun.
+            return []
+        headers = self._headers(self._buffer)
         taken, behind = [], 0
         spans = sorted(zip(headers.end.tolist(), headers.start.tolist(), headers.fits.tolist(), strict=True))
         for end, start, fits in spans:
@@ -110,8 +114,10 @@ class Binary(Framer):
                 self.dropped += start - behind
                 taken.append((start, end))
                 behind = end
-        begun = [start for end, start, _ in spans if end > size and start >= behind]
-        keep = max(behind, min([size - self._longest, *begun]))
+        begun = [(start, end) for end, start, _ in spans if end > size and start >= behind]
+        first, until = min(begun, default=(size, 0))
+        keep = max(behind, min(size - self._longest, first))
+        self._until = until - keep if first == keep else 0
         self.dropped += keep - behind
         found = [self._buffer[start:end] for start, end in taken]
         if len(spans) > len(taken):
@@ -125,4 +131,4 @@ class Binary(Framer):
     def reset(self) -> None:
         """Drops a record that has begun."""
         self.dropped += len(self._buffer)
-        self._buffer = b""
+        self._buffer, self._until = b"", 0

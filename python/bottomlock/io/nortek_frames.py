@@ -24,7 +24,7 @@ from bottomlock.io.binary_records import (
     words_at,
 )  # fmt: skip
 
-_LEAST, _MOST = 10, 64
+_MARK, _LEAST, _MOST = b"\xa5", 10, 64
 BURST_AD2CP, AVERAGE_AD2CP, BOTTOM_AD2CP = 0x15, 0x16, 0x17
 BOTTOM_DVL, WATER_DVL = 0x1B, 0x1D
 BOTTOM_NUCLEUS, WATER_NUCLEUS = 0xB4, 0xBE
@@ -117,15 +117,14 @@ def _headers(data: bytes) -> Headers:
         size = raw.take(at + 1).astype(np.int64) - 2
         return sums.fit(at, size, at + size)
 
-    most = _MOST - _LEAST  # a size below the least wraps round to a great one
-    start = search(data, _LEAST, lambda b: (b(0) == 0xA5) & (b(1) - np.uint8(_LEAST) <= most), sound)
+    start = search(data, _MARK, _LEAST, {1: (_LEAST, _MOST)}, sound)
     begin, size = start + raw[start + 1], words_at(data, start + 4)
     end = begin + size
     fits = sums.fit(begin, size, start + 6)
     return Headers(start, end, fits, end < start)
 
 
-RECORDS = Records(_headers, _MOST, "record")
+RECORDS = Records(_MARK, _headers, _MOST, "record")
 """How a stream or a file is cut."""
 
 

@@ -38,7 +38,7 @@ from bottomlock.io.decoder import binary
 from bottomlock.io.pd0_axes import beams_of_axes
 from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise_if_empty
 
-_BEAMS = 4
+_MARK, _BEAMS = b"\x7f\x7f", 4
 FRAMES = ("beam", "instrument", "ship", "earth")
 _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
 _PROFILE, _PROFILE_CORRELATION = 0x0100, 0x0200
@@ -94,7 +94,7 @@ def _header_places(data: bytes) -> Places:
         return good
 
     # The least that a header has, on whole vectors: the first offset is at most 6 + 2 x 255.
-    return search(data, 8, lambda b: (b(0) == 0x7F) & (b(1) == 0x7F) & (b(7) <= 2) & (b(5) > 0), sound)
+    return search(data, _MARK, 8, {7: (0, 2), 5: (1, 255)}, sound)
 
 
 def _headers(data: bytes) -> Headers:
@@ -104,7 +104,7 @@ def _headers(data: bytes) -> Headers:
     return Headers(start, last + 2, sums_fit(data, start, last), last - start < _LEAST)
 
 
-_RECORDS = Records(_headers, 6 + 2 * 0xFF + 2, "ensemble")
+_RECORDS = Records(_MARK, _headers, 6 + 2 * 0xFF + 2, "ensemble")
 
 
 class _Types:

@@ -51,7 +51,7 @@ def _headers(data: bytes) -> Headers:
         size = words_at(data, at + 3)
         return (size > _HEAD + _APPLICATION + 2) & (size <= _LONGEST)
 
-    start = search(data, _HEAD, lambda b: (b(0) == 0xAA) & (b(1) == 0x10) & (b(2) == 0x01), sound)
+    start = search(data, _MARK, _HEAD, {}, sound)
     end = start + words_at(data, start + 3)
     return Headers(start, end, sums_fit(data, start, end - 2), np.zeros(len(start), dtype=bool))
 
@@ -123,4 +123,6 @@ def _read(found: Found, place: str, options: Options) -> Recording:
     )
 
 
-FORMAT = binary("wayfinder", "Teledyne Wayfinder, binary", _sniff, Records(_headers, _HEAD, "packet"), _read)
+FORMAT = binary(
+    "wayfinder", "Teledyne Wayfinder, binary", _sniff, Records(_MARK, _headers, _HEAD, "packet"), _read
+)
