@@ -17,8 +17,7 @@ EMPTY = "without fixed or variable leader"
 """Reason for a whole ensemble without what a ping needs."""
 
 Places = NDArray[np.int64]
-WORD = np.dtype("<u2")
-"""Little-endian, of 16 bits."""
+_WORD = np.dtype("<u2")
 
 
 def blocks(length: int) -> Iterator[int]:
@@ -37,7 +36,7 @@ def bytes_of(data: bytes) -> NDArray[np.uint8]:
 
 def words_at(data: bytes, at: Places) -> Places:
     """Little-endian 16-bit words at some places."""
-    return fields_at(data, at, WORD).astype(np.int64)
+    return fields_at(data, at, _WORD).astype(np.int64)
 
 
 def numbered(count: Places) -> tuple[Places, Places]:
@@ -50,8 +49,8 @@ def numbered(count: Places) -> tuple[Places, Places]:
     return owner, np.arange(len(owner)) - (count.cumsum() - count).repeat(count)
 
 
-def every(data: bytes, layout: np.dtype[Any]) -> NDArray[Any]:
-    """The fields of a layout at every place at which there are so many bytes, without a copy."""
+def every(data: bytes, layout: np.dtype[Any] = _WORD) -> NDArray[Any]:
+    """Words, or the fields of a layout, at every place that has so many bytes, without a copy."""
     return np.ndarray((max(len(data) - layout.itemsize + 1, 0),), dtype=layout, buffer=data, strides=(1,))
 
 

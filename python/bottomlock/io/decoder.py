@@ -433,12 +433,10 @@ def binary(
     figures: bool = False,
 ) -> Format:
     """A format of binary records, by their framing and the reader of whole ones; see `RecordDecoder`."""
-
-    def whole(data: bytes, place: str, options: Options) -> Recording:
-        return read(records.of(data), place, options)
-
     decoder = partial(RecordDecoder, records=records, read=read, kinds=kinds)
-    return Format(name, title, sniff, decoder, whole, figures=figures)
+    return Format(
+        name, title, sniff, decoder, lambda data, *rest: read(records.of(data), *rest), figures=figures
+    )
 
 
 def table_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> BeamTable:

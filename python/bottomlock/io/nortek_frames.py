@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bottomlock.io.beam_table import Account, Flags, Integers
 from bottomlock.io.binary_records import (
-    WORD,
     Found,
     Headers,
     Places,
@@ -93,7 +92,7 @@ class _Sums:
         self._data = data
         # Before each place the words two, four ... bytes before it, modulo 65536, as the checksum is.
         self._sums = np.zeros(max(len(data) + 1, 2), dtype=np.uint16)
-        self._sums[2:] = every(data, WORD)
+        self._sums[2:] = every(data)
         for words in (self._sums[::2], self._sums[1::2]):
             np.add.accumulate(words, out=words)
 

@@ -40,8 +40,6 @@ from bottomlock.io.rows import NAN, Options, lost, make_table, make_water, raise
 
 _MARK, _BEAMS = b"\x7f\x7f", 4
 FRAMES = ("beam", "instrument", "ship", "earth")
-_FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE = 0x0000, 0x0080, 0x0600, 0x5803
-_PROFILE, _PROFILE_CORRELATION = 0x0100, 0x0200
 _BAD = -32768
 # Bad in 0.01 mm/s: the coarse mark scaled, or the type's own least value.
 _BAD_FINE = (-(2**31), _BAD * 100)
@@ -56,12 +54,10 @@ _COARSE = np.dtype([("range", "<u2", 4), ("velocity", "<i2", 4), ("correlation",
 _USES_TILTS = 1 << 2
 # Bits of the configuration.
 _CONVEX, _LOOKS_UP = 1 << 3, 1 << 7
-# Numbers in `_Types.spans` of what is read: fixed and variable leader, bottom track, its fine velocities, profile, its
+# Numbers in `_spans` of what is read: fixed and variable leader, bottom track, its fine velocities, profile, its
 # correlations; and their ids. Of the two ids of a leader the last stands.
 _KINDS = np.array([0, 1, 0, 1, 2, 3, 4, 5])
-_IDS = np.array(
-    [_FIXED + 1, _VARIABLE + 1, _FIXED, _VARIABLE, _BOTTOM, _BOTTOM_FINE, _PROFILE, _PROFILE_CORRELATION]
-)
+_IDS = np.array([0x0001, 0x0081, 0x0000, 0x0080, 0x0600, 0x5803, 0x0100, 0x0200])
 _CELLS = np.dtype(
     {"names": ["cells", "size", "first"], "formats": ["u1", "<u2", "<u2"], "offsets": [9, 12, 32]}
 )
@@ -78,7 +74,7 @@ ADVICE = {
 def _sniff(head: bytes) -> bool:
     """Whether the beginning of a file looks like it: a header, perhaps after some text."""
     start = _header_places(head)
-    return bool(_Types(head, start, words_at(head, start + 2)).sound.any())
+    return bool(_spans(head, start, words_at(head, start + 2))[0].any())
 
 
 def _header_places(data: bytes) -> Places:
@@ -107,44 +103,34 @@ def _headers(data: bytes) -> Headers:
 _RECORDS = Records(_MARK, _headers, 6 + 2 * 0xFF + 2, "ensemble")
 
 
-class _Types:
+def _spans(data: bytes, start: Places, size: Places) -> tuple[Flags, Places]:
     """Where the data types of ensembles stand.
 
-    Attributes:
-        sound: (n,) the table of offsets stays within the ensemble.
+    Args:
+        data: the file.
+        start: (n,) where the ensembles begin, with a header of `_header_places`.
+        size: (n,) bytes of each, without its checksum; it may reach beyond the data.
+
+    Returns:
+        (n,) whether the table of offsets stays within the ensemble, and place and length (n, 6, 2) of each of `_KINDS`,
+        the last of several of one id; length 0 without any.
     """
-
-    def __init__(self, data: bytes, start: Places, size: Places) -> None:
-        """Reads the tables of offsets.
-
-        Args:
-            data: the file.
-            start: (n,) where the ensembles begin, with a header of `_header_places`.
-            size: (n,) bytes of each, without its checksum; it may reach beyond the data.
-        """
-        raw = bytes_of(data)
-        count = raw[start + 5].astype(np.int64)
-        self._ensembles = len(start)
-        # One entry for each type of each ensemble.
-        owner, number = numbered(count)
-        last = count.cumsum() - 1
-        offset = words_at(data, start[owner] + 6 + 2 * number)
-        end = np.empty_like(offset)
-        end[:-1], end[last] = offset[1:], size
-        self.sound = np.ones(len(start), dtype=bool)
-        self.sound[owner[offset + 2 > size[owner]]] = False
-        readable = self.sound[owner] & (end - offset >= 2)
-        self._owner, self._at = owner[readable], start[owner[readable]] + offset[readable]
-        self._length = (end - offset)[readable]
-        self._data = data
-
-    def spans(self) -> Places:
-        """Place and length (n, 6, 2) of each of `_KINDS`, the last of several of one id; length 0 without any."""
-        spans = np.zeros((self._ensembles, 6, 2), dtype=np.int64)
-        which, entry = (words_at(self._data, self._at) == _IDS[:, None]).nonzero()
-        found = self._owner[entry], _KINDS[which]
-        spans[(*found, 0)], spans[(*found, 1)] = self._at[entry], self._length[entry]
-        return spans
+    count = bytes_of(data)[start + 5].astype(np.int64)
+    # One entry for each type of each ensemble.
+    owner, number = numbered(count)
+    offset = words_at(data, start[owner] + 6 + 2 * number)
+    end = np.empty_like(offset)
+    end[:-1], end[count.cumsum() - 1] = offset[1:], size
+    sound = np.ones(len(start), dtype=bool)
+    sound[owner[offset + 2 > size[owner]]] = False
+    at, length = start[owner] + offset, end - offset
+    readable = sound[owner] & (length >= 2) & (at + 2 <= len(data))
+    owner, at, length = owner[readable], at[readable], length[readable]
+    spans = np.zeros((len(start), 6, 2), dtype=np.int64)
+    which, entry = (words_at(data, at) == _IDS[:, None]).nonzero()
+    found = owner[entry], _KINDS[which]
+    spans[(*found, 0)], spans[(*found, 1)] = at[entry], length[entry]
+    return sound, spans
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +155,7 @@ class Ensembles:
         angle_deg: (n,) of the beams, 0 where it is not stated.
         fine: (n,) velocities in 0.01 mm/s are there.
         tilted: (n,) axes of ship and earth are levelled by the tilts.
-        spans: (n, 6, 2) as `_Types.spans`.
+        spans: (n, 6, 2) as `_spans`.
     """
 
     position: Places
@@ -243,9 +229,9 @@ def _bottom(data: bytes, spans: Places) -> tuple[Flags, Floats, Floats, Floats, 
 def _ensembles(found: Found) -> Ensembles:
     """The ensembles with both leaders; the account lists the others."""
     data, start, end, account = found
-    raw, types = bytes_of(data), _Types(data, start, end - start - 2)
-    spans = types.spans()
-    whole = types.sound & (spans[:, 0, 1] >= 26) & (spans[:, 1, 1] >= 24)
+    raw = bytes_of(data)
+    sound, spans = _spans(data, start, end - start - 2)
+    whole = sound & (spans[:, 0, 1] >= 26) & (spans[:, 1, 1] >= 24)
     account.skip_where(EMPTY, ~whole, start)
     spans = spans[whole]
     (fixed, fixed_length), (leader, leader_length) = spans[:, 0].T, spans[:, 1].T
