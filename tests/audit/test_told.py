@@ -12,9 +12,10 @@ from bottomlock import BeamGeometry
 from bottomlock.audit.defects import copies
 from bottomlock.audit.findings import KINDS, finding
 from bottomlock.audit.geometry_file import geometry_text
-from bottomlock.audit.logs import Reference, read_log
+from bottomlock.audit.logs import Reference, read_log, read_reference
 from bottomlock.audit.page import closure_figure, geometry_figure, page_of
 from bottomlock.audit.run import Audit, numbers_of
+from bottomlock.errors import DataError
 from bottomlock.io.beams import Columns
 from bottomlock.pages.page import Table
 from bottomlock.recordings.finding import Finding
@@ -87,6 +88,27 @@ def test_clock_of_an_imu(shift_s: float) -> None:
     (one,) = (one for one in found if one.kind == "imu_clock_offset")
     assert one.size == pytest.approx(shift_s, abs=0.01)
     assert one.severity == "fault"
+
+
+def test_recordings_of_another_time_are_told() -> None:
+    """An instrument that counts from its start beside the time of day: each is compared with nothing."""
+    log, later = make_log(44), NS + 1_764_000_000_000_000_000
+    imu = Inertial(later, np.zeros((len(T), 3)), np.zeros((len(T), 3)))
+    beside = {"reference": replace(LEVEL, time_ns=later), "imu": imu, "depths": Depths(later, 0.0 * T)}
+    found = [one for one in Audit(log, **beside).findings if one.kind == "another_time"]
+    assert [(one.severity, one.unit) for one in found] == [("fault", "s")] * 3
+    assert found[0].size == pytest.approx(1e-9 * (later[0] - log.time_ns[0]))
+    assert [one for one in Audit(log).findings if one.kind == "another_time"] == []
+
+
+@pytest.mark.parametrize(("column", "value"), [("roll_rad", -10.0), ("pitch_rad", 4.0)])
+def test_an_attitude_in_degrees_is_refused(column: str, value: float, tmp_path: Path) -> None:
+    table = pl.DataFrame({"time_ns": [0, 10**9], "roll_rad": 0.0, "pitch_rad": 0.1, "yaw_rad": 7.0})
+    table = table.with_columns(pl.Series(column, [0.0, value]))
+    table.write_csv(tmp_path / "a.csv")
+    with pytest.raises(DataError, match=r"a\.csv: row 1: column '\w+' is .*; is it in degrees\?") as error:
+        read_reference(tmp_path / "a.csv")
+    assert error.value.key == column
 
 
 def test_a_velocity_of_another_vehicle() -> None:

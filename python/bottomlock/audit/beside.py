@@ -14,6 +14,16 @@ from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.finding import Finding, Severity
 
 
+def another_time(log: BeamLog, context: Context) -> Iterator[Finding]:
+    """Recordings that have no time in common with the log, of which nothing can be said."""
+    for what, other in (("attitude", context.reference), ("IMU", context.imu), ("depth", context.depths)):
+        if other is None or ((other.time_ns >= log.time_ns[0]) & (other.time_ns <= log.time_ns[-1])).any():
+            continue
+        first, last = (f"{times[0]} to {times[-1]}" for times in (log.time_ns, other.time_ns))
+        size = 1e-9 * float(other.time_ns[0] - log.time_ns[0])
+        yield finding("another_time", size, told={"what": what, "log": first, "other": last})
+
+
 def depth(_: BeamLog, context: Context) -> Iterator[Finding]:
     """A z axis that points up, or a wrong vertical scale."""
     rate = context.depth

@@ -225,7 +225,8 @@ OF_LOG: tuple[LogCheck, ...] = (
 )  # fmt: skip
 """Of a log alone."""
 CHECKS: tuple[Check, ...] = (
-    noisy, unobservable, order, matched, unmatched, parallel, scale, bias, dependence, closures, packaged, beside.depth,
+    noisy, unobservable, order, matched, unmatched, parallel, scale, bias, dependence, closures, packaged,
+    beside.another_time, beside.depth,
     beside.mounting, beside.parts, beside.imu, beside.water,
 )  # fmt: skip
 """Of a log with what stands beside it."""

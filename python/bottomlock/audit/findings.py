@@ -262,6 +262,12 @@ KINDS = {
         "Rates of the IMU against the attitude: diagonal {diagonal}.", "Reverse it for accelerometer and gyro.",
         "a diagonal of +1",
     ),
+    "another_time": Kind(
+        "fault", "s", "No reading of the {what} lies within the times of the log: it was compared with nothing.",
+        "The log is of {log} ns, the {what} of {other} ns: it begins {size:+.3f} s after the log.",
+        "Bring both to one clock: an instrument may count from its start, where another one has the time of day.",
+        "times of {log} ns",
+    ),
     "imu_clock_offset": Kind(
         "fault", "s", "The IMU's clock differs from the attitude's: IMU time is the attitude's time {size:+.3f} s.",
         "± {sd:.2g} s, from the rotations in both recordings.", "Set this clock offset for the IMU.",

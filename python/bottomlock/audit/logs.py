@@ -231,18 +231,27 @@ def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.floa
     return block
 
 
+_LARGEST_RAD = {"roll_rad": np.pi + 1e-3, "pitch_rad": np.pi / 2.0 + 1e-3}
+"""Of an angle that is none in degrees; a yaw may count turns."""
+
+
 def read_reference(path: str | Path) -> Reference:
     """Reads attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if present, `velocity_north_mps` ....
 
     Raises:
-        DataError: naming file, row and column, for what is missing, not finite, or a time that does not rise.
+        DataError: naming file, row and column, for what is missing, not finite, no angle in radians, or a time that
+            does not rise.
     """
     place, table = str(path), read_rows(Path(path))
     names = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
     velocity = _block(table, names, place) if any(name in table.columns for name in names) else None
-    return Reference(
-        _rising(table, place), _block(table, ["roll_rad", "pitch_rad", "yaw_rad"], place), velocity
-    )
+    rpy = _block(table, ["roll_rad", "pitch_rad", "yaw_rad"], place)
+    for k, (name, most) in enumerate(_LARGEST_RAD.items()):
+        beyond = np.flatnonzero(np.abs(rpy[:, k]) > most)
+        if beyond.size:
+            row, expected = int(beyond[0]), f"at most {most:.4g} rad either way"
+            raise bad_column(place, name, f"is {rpy[row, k]:g}", expected, row=row, hint="is it in degrees?")
+    return Reference(_rising(table, place), rpy, velocity)
 
 
 def read_own_attitude(path: str | Path) -> Reference | None:
