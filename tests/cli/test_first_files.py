@@ -49,3 +49,6 @@ def test_results_go_beside_the_log_by_default(root: Path, tmp_path: Path) -> Non
     done = command("fix", beams)
     assert done.returncode == 2
     assert "--geometry is missing" in done.stderr
+    done = command("fix", log)
+    assert done.returncode == 2
+    assert "is a log of format pd0, not a table; convert it first" in done.stderr

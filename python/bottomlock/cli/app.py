@@ -85,7 +85,7 @@ USAGE = {
     "study": "--out PATH [OPTIONS] [SCENARIO...]",
     "look": "[OPTIONS] FILES...",
     "replay": "[OPTIONS] FILES...",
-    "observe": "[OPTIONS] [CASE]",
+    "observe": "[OPTIONS] [SCENARIO]",
 }
 """Usage of the commands whose positional arguments may be several or be left out: they are named."""
 

@@ -166,10 +166,12 @@ def fix(
     """
     geometry = geometry_of(log, geometry)
     if geometry is None:
-        raise ScenarioError(
-            "is missing", place=log, key="--geometry",
-            expected="a packaged geometry or a TOML file: no account of `bottomlock convert` names one beside the log",
-        )  # fmt: skip
+        with converted_first(log):
+            raise DataError(
+                "is missing", place=log, key="--geometry",
+                expected="a packaged geometry or a TOML file",
+                hint="no account of `bottomlock convert` names one beside the log",
+            )  # fmt: skip
     if out is None and leave_out is None:
         out = beside(log, "fixes.parquet")
     if out is not None:

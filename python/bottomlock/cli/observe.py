@@ -86,7 +86,7 @@ def _ranking(rows: pl.DataFrame) -> Table:
 
 
 def observe(
-    case: str | None = None,
+    scenario: str | None = None,
     *,
     out: Annotated[Path | None, Parameter(alias="-o")] = None,
     paper: bool = False,
@@ -97,14 +97,16 @@ def observe(
     For every set of beams of a scenario's instrument, along its truth.
 
     Args:
-        case: Packaged scenario (see `bottomlock list scenarios`) or TOML file.
-        out: Directory for tables and figures; CASE_states or paper_states by default.
+        scenario: Packaged scenario (see `bottomlock list scenarios`) or TOML file.
+        out: Directory for tables and figures; SCENARIO_states or paper_states by default.
         paper: Analyse the six cases of Klein & Diamant 2015 in place of a scenario.
     """
-    if paper == (case is not None):
+    if paper == (scenario is not None):
         raise ScenarioError(expected="either a scenario or --paper")
-    out = out or beside(Path(case or "paper"), "states")
-    made = observe_paper(out, force=force) if case is None else observe_scenario(case, out, force=force)
+    out = out or beside(Path(scenario or "paper"), "states")
+    made = (
+        observe_paper(out, force=force) if scenario is None else observe_scenario(scenario, out, force=force)
+    )
     for part in console_lines(made):
         console.print(part, highlight=False)
-    say(f"wrote {'a table' if case is None else 'tables and a figure'} to {out}")
+    say(f"wrote {'a table' if scenario is None else 'tables and a figure'} to {out}")
