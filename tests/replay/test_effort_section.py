@@ -157,7 +157,7 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
         (
             'force = ["x", "y", "z"]',
             'force = ["spiked", "y", "z"]',
-            r"1e\+06 N at 10\.550000 s, the first of 1 such",
+            r"1e\+06 N, more .*, at 10\.550000 s, the first of 1 such",
         ),
         ("mass_kg = [20.0, 21.0, 32.0]", "mass_kg = [20.0, 0.0, 32.0]", "mass_kg of sway is 0"),
         ("mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),

@@ -50,7 +50,8 @@ def write_dive(folder: Path, dive: Dive, text: str = CASE, seed: int = 1) -> Pat
     path = write(folder, dive)
     seconds, turns = revolutions_of(dive, seed)
     columns = {"time": seconds, "rpm": 60.0 * turns, "hz": turns, "rad_s": 2.0 * np.pi * turns}
-    write_csv(folder / "shaft.csv", columns | {"still": 0.0 * turns})
+    spiked = np.where(np.arange(len(turns)) == 19, 1e9, columns["rpm"])
+    write_csv(folder / "shaft.csv", columns | {"still": 0.0 * turns, "spiked": spiked})
     path.write_text(text, encoding="utf-8")
     return path
 
@@ -159,6 +160,8 @@ def test_the_revolutions_fit_each_method(replayed: ReplayTables) -> None:
         ('"rpm"\nunit = "rpm"', '"rpm"\nunit = "Hz"',
          "shaft.csv: column 'rpm' in Hz and thrust.advance_m = 0.1 m are .* m/s in the median, expected at most 20"),
         ('column = "rpm"', 'column = "still"', "column 'still' is 0 in every row, expected revolutions"),
+        ('column = "rpm"', 'column = "spiked"',
+         r"shaft.csv: column 'spiked' is 1e\+09 rpm, .*, at 19\.550000 s, the first of 1 such readings; empty"),
         ("shaft.csv", "none.csv", "none.csv: no such file"),
     ],
 )  # fmt: skip

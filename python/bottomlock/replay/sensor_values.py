@@ -1,6 +1,7 @@
 """Readings of a case's sensors in SI, out of the columns of their tables."""
 
 from functools import singledispatch
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,16 @@ from bottomlock.recordings.stream_sections import (
     SensorStream,
     ThrustStream,
 )
-from bottomlock.recordings.streams import Attitudes, Depths, Floats, Forces, Revolutions, Times
+from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Forces, Revolutions, Times
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
 LENGTH_SI = {"m": 1.0, "cm": 1e-2}
 REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
+
+_REFUSED_MPS = 1e3
+"""Speed through the water that the kernel refuses."""
 
 
 @singledispatch
@@ -74,7 +78,19 @@ def _(section: ThrustStream, time_ns: Times, values: Floats) -> Revolutions:
             place=section.file,
             expected=f"at most {FASTEST_MPS:g} m/s: check thrust.unit and thrust.advance_m",
         )
+    beyond = np.abs(revolutions_hz) * section.advance_m >= _REFUSED_MPS
+    if beyond.any():
+        what = f"{section.unit}, {_REFUSED_MPS:g} m/s or more"
+        raise _spike(section.file, section.column, what, values[:, 0], time_ns, beyond)
     return Revolutions(time_ns, revolutions_hz)
+
+
+def _spike(place: Path, column: str, what: str, values: Floats, time_ns: Times, beyond: Flags) -> DataError:
+    """The error of single readings that are none: a replay would stop at them, or be spoilt."""
+    k = int(np.flatnonzero(beyond)[0])
+    found = f"is {values[k]:.3g} {what}, at {time_ns[k] * 1e-9:.6f} s, the first of {int(beyond.sum())} such readings"
+    hint = "empty the cell of a reading that is none: its row is then left out and counted"
+    return DataError(found, place=place, key=f"column '{column}'", hint=hint)
 
 
 @stream_of.register
@@ -88,22 +104,17 @@ def _(section: EffortStream, time_ns: Times, values: Floats) -> Forces:
         )
     force_n = np.median(np.abs(values), axis=0)
     for axis, (name, drag) in enumerate(zip(section.force, drag_beyond(section), strict=True)):
-        found, hint = "", "check the unit of the forces, and linear and quadratic drag"
         if force_n[axis] > drag:
-            found = f"{force_n[axis]:.3g} N in the median"
-        elif (beyond := np.flatnonzero(np.abs(values[:, axis]) > drag)).size:
-            at_s = time_ns[beyond[0]] * 1e-9
-            found = (
-                f"{values[beyond[0], axis]:.3g} N at {at_s:.6f} s, the first of {beyond.size} such readings"
-            )
-            hint = "empty the cell of a reading that is no force: its row is then left out and counted"
-        if found:
             raise DataError(
-                f"is {found}, and at {FASTEST_MPS:g} m/s the drag is {drag:.3g} N",
+                f"is {force_n[axis]:.3g} N in the median, and at {FASTEST_MPS:g} m/s the drag is {drag:.3g} N",
                 place=section.file,
                 key=f"column '{name}'",
-                hint=hint,
+                hint="check the unit of the forces, and linear and quadratic drag",
             )
+        beyond = np.abs(values[:, axis]) > drag
+        if beyond.any():
+            what = f"N, more than the drag at {FASTEST_MPS:g} m/s, {drag:.3g} N"
+            raise _spike(section.file, name, what, values[:, axis], time_ns, beyond)
     return Forces(time_ns, values)
 
 
