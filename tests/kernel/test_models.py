@@ -168,7 +168,10 @@ def test_only_what_there_is_is_stated() -> None:
     assert start.position_t_m == (0.0, 0.0, 0.0)
     navigator = kernel.Navigator(JANUS, bare, models.Options(), start)
     navigator.push_imu(0, omega_p_radps=[0, 0, 0], force_p_mps2=[0, 0, -place.gravity_mps2])
-    with pytest.raises(KernelError, match=r"with model\.thrust, for speeds by the drives"):
+    with pytest.raises(
+        KernelError,
+        match=r'options\.thrust is "off", expected .* with model\.thrust, for speeds by the drives',
+    ):
         navigator.push_thrust(1, [1.0, 0, 0], sd_mps=0.1)
     acoustic = models.AcousticPositionModel(sd_m=0.5)
     assert (acoustic.sd_per_range, acoustic.outlier_fraction, acoustic.outlier_factor) == (0.0, 0.0, 1.0)

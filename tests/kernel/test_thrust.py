@@ -5,7 +5,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from bottomlock.kernel import Navigator
+from bottomlock.kernel import KernelError, Navigator, check_settings
 from bottomlock.kernel.models import CurrentLayers, ThrustModel
 from tests.kernel import documented_navigator as example
 from tests.oracle import thrust as oracle
@@ -69,3 +69,11 @@ def test_updates_are_the_literal_filter(k: int, used: Literal["velocity", "all"]
     own = estimated["covariance"][np.ix_([k, 3 + k], [k, 3 + k])]
     np.testing.assert_allclose(own, P[20:22, 20:22], atol=1e-10)
     np.testing.assert_allclose(flown.covariance(), P[:20, :20], atol=1e-9)
+
+
+def test_what_simulations_alone_have_may_be_left_out() -> None:
+    """Of a model in plain numbers, as a C program states it."""
+    section = {"scale_sd": [0.1] * 3, "slip_sd_mps": [0.02] * 3, "slip_time_s": 5.0, "noise_sd_mps": 0.01}
+    check_settings("thrust", section)
+    with pytest.raises(KernelError, match="slip_time_s is missing"):
+        check_settings("thrust", {key: value for key, value in section.items() if key != "slip_time_s"})

@@ -55,6 +55,7 @@ model_section! {
         /// Relative uncertainty of the speed.
         pub scale_sd: [f64; 3],
         /// How many times the speed simulated vehicles make of it on average, less 1.
+        #[serde(default)]
         pub true_scale_error: Signed,
         /// Slip, m/s.
         pub slip_sd_mps: [f64; 3],

@@ -41,24 +41,25 @@ pub(crate) fn require_measurable(event: &Event, filter: &Eskf, levers: &Levers) 
 /// Checks that a filter has the states that an event measures, where they are not those of every filter.
 ///
 /// # Errors
-/// [`NavError::OutOfRange`] that names the option.
+/// [`NavError::Setting`] that names the option.
 pub(crate) fn require_current(event: &Event, filter: &Eskf) -> Result<(), NavError> {
-    let (is_missing, field, expected) = match event {
+    let (is_missing, key, found, expected) = match event {
         Event::WaterTrack(_) => (
             filter.water().is_none(),
             "options.water_track",
+            "is false",
             "true, for beams that the water returned: the current is then a state",
         ),
         Event::Aiding(Measurement::Thrust(_)) => (
             filter.thrust().is_none(),
             "options.thrust",
+            "is \"off\"",
             "\"velocity\" or \"all\" with model.thrust, for speeds by the drives: their scale and the current are then states",
         ),
         _ => return Ok(()),
     };
     if is_missing {
-        let value = 0.0;
-        return Err(NavError::OutOfRange { field, value, expected });
+        return Err(NavError::setting(key, found, expected));
     }
     Ok(())
 }
