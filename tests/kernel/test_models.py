@@ -170,7 +170,7 @@ def test_only_what_there_is_is_stated() -> None:
     navigator.push_imu(0, omega_p_radps=[0, 0, 0], force_p_mps2=[0, 0, -place.gravity_mps2])
     with pytest.raises(
         KernelError,
-        match=r'options\.thrust is "off", expected .* with model\.thrust, for speeds by the drives',
+        match=r'options\.thrust is "off", expected .* with model\.thrust',
     ):
         navigator.push_thrust(1, [1.0, 0, 0], sd_mps=0.1)
     acoustic = models.AcousticPositionModel(sd_m=0.5)

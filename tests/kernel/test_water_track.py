@@ -85,6 +85,6 @@ def _after_a_reading(flown: Navigator) -> list[Any]:
 
 def test_is_refused_where_it_is_off() -> None:
     flown = navigator(example.options)
-    with pytest.raises(KernelError, match="options.water_track is false, expected true"):
+    with pytest.raises(KernelError, match=r"options\.water_track is false, expected true"):
         flown.push_water_track(0, np.zeros(4), np.ones(4, dtype=bool), sd_mps=np.full(4, 0.05))
     assert flown.water() is None
