@@ -94,8 +94,9 @@ def test_recordings_of_another_time_are_told() -> None:
     """An instrument that counts from its start beside the time of day: each is compared with nothing."""
     log, later = make_log(44), NS + 1_764_000_000_000_000_000
     imu = Inertial(later, np.zeros((len(T), 3)), np.zeros((len(T), 3)))
-    beside = {"reference": replace(LEVEL, time_ns=later), "imu": imu, "depths": Depths(later, 0.0 * T)}
-    found = [one for one in Audit(log, **beside).findings if one.kind == "another_time"]
+    reference, depths = replace(LEVEL, time_ns=later), Depths(later, 0.0 * T)
+    audit = Audit(log, reference=reference, imu=imu, depths=depths)
+    found = [one for one in audit.findings if one.kind == "another_time"]
     assert [(one.severity, one.unit) for one in found] == [("fault", "s")] * 3
     assert found[0].size == pytest.approx(1e-9 * (later[0] - log.time_ns[0]))
     assert [one for one in Audit(log).findings if one.kind == "another_time"] == []
