@@ -1,4 +1,4 @@
-"""The speed through the water that a vehicle's drives say: a propeller's revolutions, or thrusters' forces."""
+"""The speed through the water, made of a propeller's revolutions or of the forces of thrusters."""
 
 import math
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def speed_by_revolutions(section: ThrustErrors) -> Callable[[ThrustReading, Floa
 
 
 class SpeedByForces:
-    """The speed u at which forces τ drive a vehicle, along each axis with drag (Fossen 2021, Eq. 6.1 without tilt).
+    """The speed u at which forces τ drive a vehicle, along each axis with drag (Fossen 2021, Ch. 6 and 8).
 
     M u̇ = τ − B e_z − ω × M u − d u − q |u| u, with mass and added mass M, buoyancy less weight B and the angular rate ω
     of the gyros. Force and rate are linear between two readings; the first force is taken for a steady one. Steps are

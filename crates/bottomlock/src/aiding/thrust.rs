@@ -7,8 +7,8 @@
 //! e_kᵀ (v + ω × l − Rᵀ c) = a_k n_k + s_k + noise
 //! ```
 //!
-//! n is made of what is measured before it comes here: revolutions times the advance of the propeller, or the speed at which the drag of
-//! the hull holds the forces of the thrusters (`python/bottomlock/recordings/drives.py`). a, about 1, is a constant of the vehicle, known to
+//! n is made before it comes here: of revolutions by the advance of the propeller, or of the forces of thrusters by mass and drag
+//! (`python/bottomlock/recordings/drives.py`). a, about 1, is a constant of the vehicle, known to
 //! a tenth: of the advance, or of the drag; s, what waves, turns and changes of speed make of it, is a Gauss–Markov
 //! process of seconds. Both are further states (`filter/gauss_markov.rs`), and c is the current of [`crate::aiding::water`] and
 //! [`crate::aiding::current_layers`] with its error, so that no row changes the yaw. At one heading and one speed a and the

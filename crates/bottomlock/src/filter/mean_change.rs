@@ -1,4 +1,4 @@
-//! The mean acceleration of the last moments, for the clock of the DVL and for the forces that explain it.
+//! The mean acceleration of the last moments, for the clock of the DVL.
 //!
 //! What a clock that is off by τ changes is the mean acceleration over τ, times τ. It is taken from what the strapdown steps
 //! add to the velocity, without the corrections of the updates, as a moving mean with the clock's own σ as time constant: its
