@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::aiding::declare::model_section;
 use crate::aiding::deviation::{DeviationModel, harmonics};
-use crate::aiding::further::{ATTITUDE_ERROR, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FurtherRows};
+use crate::aiding::further::{ATTITUDE_ERROR, FurtherRows, Process, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion};
@@ -62,6 +62,13 @@ pub(crate) struct SlowAngleModel {
 }
 
 impl SlowAngleModel {
+    /// Offsets of angles, then their walks.
+    pub(crate) fn processes(angles: &[Self]) -> Vec<Process> {
+        let offsets = angles.iter().map(|angle| Process::constant(angle.offset_sd_rad));
+        let walk = |angle: &Self| Process::lasting(angle.walk_sd_rad, angle.walk_time_s);
+        offsets.chain(angles.iter().map(walk)).collect()
+    }
+
     /// A drawn error at a time, rad, of the streams of offset and walk.
     #[cfg(feature = "simulation")]
     pub(crate) fn draw(&self, offset: &mut Normals, walk: &mut Normals, time_ns: i64) -> f64 {
@@ -71,6 +78,15 @@ impl SlowAngleModel {
 }
 
 impl MagnetometerModel {
+    /// Slow errors of the three angles, and the deviation of the yaw.
+    pub(crate) fn processes(&self) -> Vec<Processes> {
+        let angles = [self.roll_pitch(), self.roll_pitch(), self.yaw()];
+        vec![
+            (block::ATTITUDE_ERROR, SlowAngleModel::processes(&angles)),
+            (block::ATTITUDE_DEVIATION, self.deviation().processes()),
+        ]
+    }
+
     /// Slow error of the roll, and of the pitch.
     pub(crate) fn roll_pitch(&self) -> SlowAngleModel {
         SlowAngleModel {
@@ -231,12 +247,12 @@ pub fn attitude(
     // Level and north turn with the position.
     innovation.put(POSITION, &-level.turn_t);
     let mut rows = Box::new(FurtherRows::zeros());
-    for first in [FIRST_ATTITUDE_ERROR, FIRST_ATTITUDE_ERROR + 3] {
+    for first in [block::ATTITUDE_ERROR.first, block::ATTITUDE_ERROR.first + 3] {
         rows.fixed_view_mut::<3, 3>(0, first).copy_from(&axes);
     }
     let [_, _, estimated_yaw] = level.to_euler_rad(motion.state.attitude_t_p);
     for (k, harmonic) in harmonics(estimated_yaw).into_iter().enumerate() {
-        rows.fixed_view_mut::<3, 1>(0, FIRST_ATTITUDE_DEVIATION + k)
+        rows.fixed_view_mut::<3, 1>(0, block::ATTITUDE_DEVIATION.first + k)
             .copy_from(&(axes.column(2) * harmonic));
     }
     innovation.by_further = Some(rows);

@@ -18,7 +18,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::aiding::Motion;
 use crate::aiding::beams::{BeamTerms, beam_terms};
-use crate::aiding::further::{FIRST_CALIBRATION, FurtherRows};
+use crate::aiding::further::{FurtherRows, Process, Processes, block};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::{NavError, require_magnitude, require_non_negative};
 use crate::frames::{Platform, Rot, Vec3};
@@ -56,11 +56,10 @@ impl CalibrationPrior {
         *self == Self::default()
     }
 
-    /// Variance of each unknown.
-    #[must_use]
-    pub fn variance(&self) -> CalibrationVector {
-        let [forward, right, down] = self.mounting_sd_rad;
-        CalibrationVector::from([forward, right, down, self.clock_sd_s].map(|sd| sd * sd))
+    /// Mounting and clock.
+    pub(crate) fn processes(&self) -> Processes {
+        let sds = self.mounting_sd_rad.into_iter().chain([self.clock_sd_s]);
+        (block::CALIBRATION, sds.map(Process::constant).collect())
     }
 
     /// Checks every number.
@@ -100,6 +99,15 @@ impl Default for Calibration {
 }
 
 impl Calibration {
+    /// Of [`Calibration::numbers`].
+    #[must_use]
+    pub fn of(numbers: &CalibrationVector) -> Self {
+        Self {
+            mounting: Rot::exp(numbers.fixed_rows::<3>(0).into_owned()),
+            clock_s: numbers[CLOCK],
+        }
+    }
+
     /// Adds an error: Exp([δψ×]) before the mounting, δτ to the clock.
     pub fn inject(&mut self, error: &CalibrationVector) {
         self.mounting = Rot::<Platform, Platform>::exp(error.fixed_rows::<3>(0).into_owned()) * self.mounting;
@@ -154,9 +162,9 @@ pub fn calibrated_beam_terms(
         let at_transducer = state.velocity_p_mps.0 * scale + rate_tp.cross(lever);
         let changing = change.acceleration_p_mps2 * scale + change.angular_acceleration_p_radps2.cross(lever);
         let mut row = rows.row_mut(beam);
-        row.fixed_columns_mut::<3>(FIRST_CALIBRATION)
+        row.fixed_columns_mut::<3>(block::CALIBRATION.first)
             .copy_from(&direction.cross(&at_transducer).transpose());
-        row[FIRST_CALIBRATION + CLOCK] = direction.dot(&changing);
+        row[block::CALIBRATION.first + CLOCK] = direction.dot(&changing);
     }
     terms.by_further = Some(rows);
     terms

@@ -41,7 +41,7 @@ fn ping(valid: BeamMask) -> BeamSample {
 /// The columns of mounting and clock.
 fn own(terms: &BeamTerms) -> SMatrix<f64, MAX_ROWS, CALIBRATION> {
     let rows = terms.by_further.as_deref().unwrap();
-    rows.fixed_columns::<CALIBRATION>(FIRST_CALIBRATION).into_owned()
+    rows.fixed_columns::<CALIBRATION>(block::CALIBRATION.first).into_owned()
 }
 
 /// 2 m/s ahead and 0.5 m/s² more each second, beams tilted by 30°. Beam 1 points to starboard ahead: turned to starboard by ψ
@@ -226,7 +226,9 @@ fn a_fix_carries_its_beams() {
         let reference = fix(&Calibration::default());
         assert_eq!(reference.rows, rows);
         let carried = reference.by_further.unwrap();
-        let carried = carried.fixed_columns::<CALIBRATION>(FIRST_CALIBRATION).into_owned();
+        let carried = carried
+            .fixed_columns::<CALIBRATION>(block::CALIBRATION.first)
+            .into_owned();
         for j in 0..CALIBRATION {
             let at = |size: f64| {
                 let mut moved = Calibration::default();

@@ -23,10 +23,10 @@
 
 use nalgebra::{SVector, Vector2, Vector3};
 
-use crate::aiding::further::{FIRST_LAYERS, FIRST_WATER, FurtherRows};
+use crate::aiding::further::{FurtherRows, Process, block};
 use crate::aiding::water::{CURRENT, WaterVector, turn};
 use crate::aiding::{Motion, RowJacobian};
-use crate::error::{NavError, require_finite, require_magnitude, require_non_negative, require_positive};
+use crate::error::{NavError, require_magnitude, require_non_negative, require_positive};
 use crate::layout::{ATTITUDE, POSITION};
 
 /// Number of layers.
@@ -97,7 +97,6 @@ pub struct Layers {
     first: i64,
     /// The same at the first measurement.
     reference: Option<i64>,
-    estimate: LayerVector,
     /// Time since each place was measured last, s; infinite where it was not.
     age_s: [f64; LAYERS],
 }
@@ -111,6 +110,61 @@ pub struct CurrentAt {
     weights: [f64; LAYERS],
     /// Its change with depth, north and east, 1/s.
     slope_n_per_s: Vector2<f64>,
+}
+
+/// The water states as they are estimated, with the current by depth.
+#[derive(Debug, Clone, Copy)]
+pub struct Water<'a> {
+    /// Their estimate.
+    pub estimate: WaterVector,
+    /// The layers, where there are any.
+    pub layers: Option<&'a Layers>,
+    /// Estimate of their states, m/s.
+    pub by_layer: LayerVector,
+}
+
+impl<'a> Water<'a> {
+    /// Without layers.
+    #[must_use]
+    pub fn common(estimate: &WaterVector) -> Self {
+        Self {
+            estimate: *estimate,
+            layers: None,
+            by_layer: LayerVector::zeros(),
+        }
+    }
+
+    /// The same with layers.
+    #[must_use]
+    pub fn with(self, layers: &'a Layers, by_layer: &LayerVector) -> Self {
+        Self {
+            layers: Some(layers),
+            by_layer: *by_layer,
+            ..self
+        }
+    }
+
+    /// Adds an error to the estimates: a current turns with the yaw that is corrected.
+    pub fn inject(&mut self, yaw_rad: f64, error: &WaterVector, of_layers: &LayerVector) {
+        turn(&mut self.estimate.as_mut_slice()[CURRENT..CURRENT + 2], yaw_rad);
+        let layers = self.by_layer.as_mut_slice().chunks_exact_mut(2);
+        layers.for_each(|own| turn(own, yaw_rad));
+        self.estimate += error;
+        self.by_layer += of_layers;
+    }
+
+    /// The water states with the current at a depth.
+    #[must_use]
+    pub fn at(&self, depth_m: f64) -> CurrentAt {
+        self.layers.map_or_else(
+            || CurrentAt {
+                water: self.estimate,
+                weights: [0.0; LAYERS],
+                slope_n_per_s: Vector2::zeros(),
+            },
+            |layers| layers.at(&self.estimate, &self.by_layer, depth_m),
+        )
+    }
 }
 
 /// A place that begins anew: `factor` times the layer at the place `neighbour`, and an independent part.
@@ -136,11 +190,10 @@ impl Layers {
     /// At their prior; `None` where that has none.
     #[must_use]
     pub fn new(prior: &LayersPrior) -> Option<Self> {
-        (prior.sd_mps > 0.0).then(|| Self {
+        (prior.sd_mps > 0.0).then_some(Self {
             prior: *prior,
             first: 0,
             reference: None,
-            estimate: LayerVector::zeros(),
             age_s: [f64::INFINITY; LAYERS],
         })
     }
@@ -151,18 +204,23 @@ impl Layers {
         &self.prior
     }
 
-    /// Variance of each state at the start and in the long run, (m/s)².
+    /// The states of the places, for a vehicle at a speed over ground, m/s.
     #[must_use]
-    pub fn variance(&self) -> LayerVector {
-        let mut variance = LayerVector::zeros();
+    pub fn processes(&self, speed_mps: f64) -> [Process; LAYER_STATES] {
+        let time_s = 1.0 / (1.0 / self.prior.time_s + speed_mps / self.prior.way_m);
+        let mut processes = [Process::constant(0.0); LAYER_STATES];
         for number in (self.first..).take(LAYERS) {
-            let of_layer = self.variance_of(number);
-            variance.fixed_rows_mut::<2>(2 * place_of(number)).fill(of_layer);
+            let process = Process {
+                mean: 0.0,
+                variance: self.variance_of(number),
+                time_s,
+            };
+            processes[2 * place_of(number)..][..2].fill(process);
         }
-        variance
+        processes
     }
 
-    /// The same of a layer.
+    /// The variance of a layer, (m/s)².
     fn variance_of(&self, number: i64) -> f64 {
         let beyond = self.reference.map_or(0, |reference| {
             let last = reference + LAYERS as i64 - 1;
@@ -231,23 +289,19 @@ impl Layers {
                 ..apart
             }
         });
-        let of_neighbour = self.estimate.fixed_rows::<2>(2 * anew.neighbour).into_owned();
-        self.estimate
-            .fixed_rows_mut::<2>(2 * place)
-            .copy_from(&(of_neighbour * anew.factor));
         self.age_s[place] = f64::INFINITY;
         anew
     }
 
     /// Adds to the water states what the layers have at a depth; beyond them as at the nearest one.
-    fn at(&self, water: &WaterVector, depth_m: f64) -> CurrentAt {
+    fn at(&self, water: &WaterVector, estimate: &LayerVector, depth_m: f64) -> CurrentAt {
         let scaled = self.scaled(depth_m) - self.first as f64;
         let upper = scaled.floor().clamp(0.0, (LAYERS - 2) as f64);
         let w = (scaled - upper).clamp(0.0, 1.0);
         let places = [0, 1].map(|step| place_of(self.first + upper as i64 + step));
         let mut weights = [0.0; LAYERS];
         (weights[places[0]], weights[places[1]]) = (1.0 - w, w);
-        let [above, below] = places.map(|place| self.estimate.fixed_rows::<2>(2 * place).into_owned());
+        let [above, below] = places.map(|place| estimate.fixed_rows::<2>(2 * place).into_owned());
         let own = above * (1.0 - w) + below * w;
         let is_between = scaled - upper == w && depth_m >= 0.0;
         let slope = if is_between { 1.0 / self.prior.spacing_m } else { 0.0 };
@@ -271,32 +325,17 @@ impl Layers {
         }
     }
 
-    /// Fraction of each state's error that is left after a time and a way over ground.
-    #[must_use]
-    pub fn left(&self, duration_s: f64, way_m: f64) -> LayerVector {
-        LayerVector::repeat((-duration_s / self.prior.time_s - way_m / self.prior.way_m).exp())
-    }
-
-    /// Propagates the estimates, of which each keeps the fraction `left`.
-    pub(crate) fn propagate(&mut self, duration_s: f64, left: &LayerVector) {
-        self.estimate.component_mul_assign(left);
+    /// Time has passed.
+    pub(crate) fn wait(&mut self, duration_s: f64) {
         self.age_s.iter_mut().for_each(|age_s| *age_s += duration_s);
-    }
-
-    /// Adds an error to the estimates, with the yaw that is corrected.
-    pub(crate) fn inject(&mut self, yaw_rad: f64, error: &LayerVector) {
-        let layers = self.estimate.as_mut_slice().chunks_exact_mut(2);
-        layers.for_each(|own| turn(own, yaw_rad));
-        self.estimate += error;
     }
 
     /// Checks layers that were read from bytes.
     ///
     /// # Errors
     /// [`NavError`] that names the number.
-    pub(crate) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
+    pub(crate) fn check_restored(&self) -> Result<(), NavError> {
         self.prior.validate()?;
-        require_finite("current by depth", time_ns, self.estimate.as_slice())?;
         let is_sound = self.age_s.iter().all(|age_s| *age_s >= 0.0)
             && self.first.unsigned_abs() <= 2 * DEEPEST as u64
             && self
@@ -314,24 +353,11 @@ impl Layers {
 }
 
 impl CurrentAt {
-    /// The current of the water states, and of the layers at a depth where there are any.
-    #[must_use]
-    pub fn new(water: &WaterVector, layers: Option<&Layers>, depth_m: f64) -> Self {
-        layers.map_or_else(
-            || Self {
-                water: *water,
-                weights: [0.0; LAYERS],
-                slope_n_per_s: Vector2::zeros(),
-            },
-            |layers| layers.at(water, depth_m),
-        )
-    }
-
     /// The further states whose sum it is, north's of each, with their weights.
     pub(crate) fn parts(&self) -> Vec<(usize, f64)> {
         let layers = self.weights.iter().enumerate();
-        let layers = layers.map(|(place, weight)| (FIRST_LAYERS + 2 * place, *weight));
-        let common = std::iter::once((FIRST_WATER + CURRENT, 1.0));
+        let layers = layers.map(|(place, weight)| (block::LAYERS.first + 2 * place, *weight));
+        let common = std::iter::once((block::WATER.first + CURRENT, 1.0));
         common.chain(layers.filter(|(_, weight)| *weight != 0.0)).collect()
     }
 
@@ -345,10 +371,10 @@ impl CurrentAt {
         jacobian: &mut RowJacobian,
         further: &mut FurtherRows,
     ) {
-        let by_current = [0, 1].map(|axis| further[(row, FIRST_WATER + CURRENT + axis)]);
+        let by_current = [0, 1].map(|axis| further[(row, block::WATER.first + CURRENT + axis)]);
         for (place, weight) in self.weights.iter().enumerate() {
             for (axis, by_current) in by_current.iter().enumerate() {
-                further[(row, FIRST_LAYERS + 2 * place + axis)] = weight * by_current;
+                further[(row, block::LAYERS.first + 2 * place + axis)] = weight * by_current;
             }
         }
         let by_depth = by_current[0] * self.slope_n_per_s.x + by_current[1] * self.slope_n_per_s.y;

@@ -12,7 +12,7 @@
 use std::f64::consts::TAU;
 
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{DEPTH_BIAS, FIRST_DEPTH_WAVE, FurtherRows};
+use crate::aiding::further::{DEPTH_WAVE, FurtherRows, Process, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{
     AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, TimeConstant, WavePeriod,
@@ -39,6 +39,20 @@ model_section! {
         /// Mean period of the waves, s.
         #[serde(default)]
         pub wave_period_s: WavePeriod,
+    }
+}
+
+impl DepthModel {
+    /// Bias and waves.
+    pub(crate) fn processes(&self) -> Vec<Processes> {
+        let wave = Process::lasting(self.wave_sd_m.0, self.wave_period_s.0);
+        vec![
+            (
+                block::DEPTH_BIAS,
+                vec![Process::lasting(self.bias_sd_m, self.bias_time_s.0)],
+            ),
+            (block::DEPTH_WAVE, vec![wave; DEPTH_WAVE]),
+        ]
     }
 }
 
@@ -146,8 +160,8 @@ pub fn depth(motion: &Motion<'_>, depth_m: f64, sd_m: f64, lever_p_m: &Vec3<Plat
     }
     innovation.noise[(0, 0)] = sd_m.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
-    rows[(0, DEPTH_BIAS)] = 1.0;
-    rows[(0, FIRST_DEPTH_WAVE)] = 1.0;
+    rows[(0, block::DEPTH_BIAS.first)] = 1.0;
+    rows[(0, block::DEPTH_WAVE.first)] = 1.0;
     innovation.by_further = Some(rows);
     innovation
 }

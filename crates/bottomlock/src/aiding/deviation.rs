@@ -10,7 +10,7 @@
 //! The coefficients are constants. A filter that has them as states learns them in turns, whose angle the gyros know.
 //! ψ is the estimated yaw. That δ changes with an error of it is left out: at 3° of deviation, by a twentieth of the error.
 
-use crate::aiding::further::DEVIATION;
+use crate::aiding::further::{DEVIATION, Process};
 #[cfg(feature = "simulation")]
 use crate::random::Normals;
 
@@ -28,6 +28,11 @@ impl DeviationModel {
     pub(crate) fn sd_rad(&self) -> [f64; DEVIATION] {
         let [semicircular, quadrantal] = [self.semicircular_sd_rad, self.quadrantal_sd_rad];
         [semicircular, semicircular, quadrantal, quadrantal]
+    }
+
+    /// Its coefficients.
+    pub(crate) fn processes(&self) -> Vec<Process> {
+        self.sd_rad().into_iter().map(Process::constant).collect()
     }
 
     /// The deviation at a heading, rad, with coefficients drawn from a stream each.

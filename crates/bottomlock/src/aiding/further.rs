@@ -1,8 +1,8 @@
-//! Layout of the states beside the 20 of the error state, and the rows that a sensor fills for them.
+//! The states beside the 20 of the error state: their blocks, what each is a process of, and the rows that a sensor fills for them.
 //!
 //! A state beside the 20 is a parameter of a sensor or of the vehicle: its error belongs to the noise of the measurements that
-//! contain it, n = D_f δf + white noise. A sensor states D_f; what follows from it is the filter's
-//! (`filter/further_states.rs`). A further block is its name, its range and its number here.
+//! contain it, n = D_f δf + white noise. A sensor states D_f, and its model which processes the states are; what follows from both
+//! is the filter's (`filter/further_states.rs`).
 
 use std::ops::Range;
 
@@ -18,63 +18,155 @@ use crate::aiding::water::WATER;
 pub const ATTITUDE_ERROR: usize = 6;
 /// Number of states of the error of a heading sensor: offset, then first-order walk.
 pub const HEADING_ERROR: usize = 2;
-
 /// Number of states of the deviation of a compass: its coefficients by cos ψ, sin ψ, cos 2ψ and sin 2ψ.
 pub const DEVIATION: usize = 4;
-
 /// Number of states of the motion of the vehicle.
 pub const MOTION: usize = 6;
-
 /// Number of states of the waves in a depth: what they add now, and the same a quarter of their period ago.
 pub const DEPTH_WAVE: usize = 2;
-
 /// Number of states of the gyros' scale factors and misalignments: a matrix by rows.
 pub const GYRO_MATRIX: usize = 9;
 
-/// Index of the bias of the depth sensor, m.
-pub const DEPTH_BIAS: usize = 0;
-/// First index of the waves in a depth, m ([`crate::aiding::depth`]).
-pub const FIRST_DEPTH_WAVE: usize = DEPTH_BIAS + 1;
-/// First index of mounting and clock of the DVL ([`crate::aiding::calibration`]).
-pub const FIRST_CALIBRATION: usize = FIRST_DEPTH_WAVE + DEPTH_WAVE;
-/// First index of the error of the attitude reference, rad ([`crate::aiding::attitude`]).
-pub const FIRST_ATTITUDE_ERROR: usize = FIRST_CALIBRATION + CALIBRATION;
-/// First index of the deviation of the attitude reference's yaw, rad (`aiding/deviation.rs`).
-pub const FIRST_ATTITUDE_DEVIATION: usize = FIRST_ATTITUDE_ERROR + ATTITUDE_ERROR;
-/// First index of the error of the heading sensor, rad ([`crate::aiding::heading`]).
-pub const FIRST_HEADING_ERROR: usize = FIRST_ATTITUDE_DEVIATION + DEVIATION;
-/// First index of the deviation of the heading sensor, rad.
-pub const FIRST_HEADING_DEVIATION: usize = FIRST_HEADING_ERROR + HEADING_ERROR;
-/// First index of the gyros' scale factors and misalignments (`filter/gyro_matrix.rs`).
-pub const FIRST_GYRO_MATRIX: usize = FIRST_HEADING_DEVIATION + DEVIATION;
-/// First index of the motion of the vehicle: mean of surge, sway and heave, then their changes, m/s
-/// ([`crate::aiding::motion_prior`]).
-pub const FIRST_MOTION: usize = FIRST_GYRO_MATRIX + GYRO_MATRIX;
-/// First index of what the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
-pub const FIRST_THRUST: usize = FIRST_MOTION + MOTION;
-/// First index of the motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or
-/// end them while it runs, and the states of a smoother's tape then keep their places.
-pub const FIRST_WATER: usize = FIRST_THRUST + THRUST;
-/// First index of the current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
-pub const FIRST_LAYERS: usize = FIRST_WATER + WATER;
-/// Number of further states.
-pub const FURTHER: usize = FIRST_LAYERS + LAYER_STATES;
+/// A further state: a constant or a first-order Gauss–Markov process.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Process {
+    /// Value at the start and, but for constants, in the long run.
+    pub mean: f64,
+    /// Variance at the start and in the long run.
+    pub variance: f64,
+    /// Correlation time, s; infinite for a constant.
+    pub time_s: f64,
+}
 
-/// Name and range of each block, in order.
-pub const FURTHER_BLOCKS: [(&str, Range<usize>); 12] = [
-    ("depth_bias_m", DEPTH_BIAS..FIRST_DEPTH_WAVE),
-    ("depth_wave_m", FIRST_DEPTH_WAVE..FIRST_CALIBRATION),
-    ("dvl_mounting_and_clock", FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR),
-    ("attitude_error_rad", FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION),
-    ("attitude_deviation_rad", FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR),
-    ("heading_error_rad", FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION),
-    ("heading_deviation_rad", FIRST_HEADING_DEVIATION..FIRST_GYRO_MATRIX),
-    ("gyro_matrix", FIRST_GYRO_MATRIX..FIRST_MOTION),
-    ("motion_p_mps", FIRST_MOTION..FIRST_THRUST),
-    ("thrust", FIRST_THRUST..FIRST_WATER),
-    ("water", FIRST_WATER..FIRST_LAYERS),
-    ("current_layers_mps", FIRST_LAYERS..FURTHER),
-];
+impl Process {
+    /// A constant with a standard deviation.
+    #[must_use]
+    pub const fn constant(sd: f64) -> Self {
+        Self::lasting(sd, f64::INFINITY)
+    }
+
+    /// A process of zero mean with a standard deviation and a correlation time, s.
+    #[must_use]
+    pub const fn lasting(sd: f64, time_s: f64) -> Self {
+        Self {
+            mean: 0.0,
+            variance: sd * sd,
+            time_s,
+        }
+    }
+
+    /// Fraction of an error that is left after `duration_s`.
+    #[must_use]
+    pub fn left(&self, duration_s: f64) -> f64 {
+        if self.time_s == f64::INFINITY {
+            return 1.0;
+        }
+        (-duration_s / self.time_s).exp()
+    }
+}
+
+/// The states of a block, in order.
+pub type Processes = (Block, Vec<Process>);
+
+/// States that belong together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Block {
+    /// Its name.
+    pub name: &'static str,
+    /// Its first state.
+    pub first: usize,
+    /// Number of its states.
+    pub count: usize,
+}
+
+impl Block {
+    /// The block behind this one.
+    const fn then(self, name: &'static str, count: usize) -> Self {
+        Self {
+            name,
+            first: self.end(),
+            count,
+        }
+    }
+
+    const fn end(self) -> usize {
+        self.first + self.count
+    }
+
+    /// Its states.
+    #[must_use]
+    pub const fn range(self) -> Range<usize> {
+        self.first..self.end()
+    }
+}
+
+/// The blocks.
+pub mod block {
+    use super::{
+        ATTITUDE_ERROR as ATTITUDE, Block, CALIBRATION as OF_DVL, DEPTH_WAVE as WAVE, DEVIATION, GYRO_MATRIX as GYROS,
+        HEADING_ERROR as HEADING, LAYER_STATES, MOTION as OF_VEHICLE, THRUST as OF_DRIVES, WATER as THROUGH_WATER,
+    };
+
+    /// Bias of the depth sensor, m.
+    pub const DEPTH_BIAS: Block = Block {
+        name: "depth_bias_m",
+        first: 0,
+        count: 1,
+    };
+    /// Waves in a depth, m ([`crate::aiding::depth`]).
+    pub const DEPTH_WAVE: Block = DEPTH_BIAS.then("depth_wave_m", WAVE);
+    /// Mounting and clock of the DVL ([`crate::aiding::calibration`]).
+    pub const CALIBRATION: Block = DEPTH_WAVE.then("dvl_mounting_and_clock", OF_DVL);
+    /// Error of the attitude reference, rad ([`crate::aiding::attitude`]).
+    pub const ATTITUDE_ERROR: Block = CALIBRATION.then("attitude_error_rad", ATTITUDE);
+    /// Deviation of the attitude reference's yaw, rad (`aiding/deviation.rs`).
+    pub const ATTITUDE_DEVIATION: Block = ATTITUDE_ERROR.then("attitude_deviation_rad", DEVIATION);
+    /// Error of the heading sensor, rad ([`crate::aiding::heading`]).
+    pub const HEADING_ERROR: Block = ATTITUDE_DEVIATION.then("heading_error_rad", HEADING);
+    /// Deviation of the heading sensor, rad.
+    pub const HEADING_DEVIATION: Block = HEADING_ERROR.then("heading_deviation_rad", DEVIATION);
+    /// The gyros' scale factors and misalignments (`filter/gyro_matrix.rs`).
+    pub const GYRO_MATRIX: Block = HEADING_DEVIATION.then("gyro_matrix", GYROS);
+    /// The motion of the vehicle: mean of surge, sway and heave, then their changes, m/s ([`crate::aiding::motion_prior`]).
+    pub const MOTION: Block = GYRO_MATRIX.then("motion_p_mps", OF_VEHICLE);
+    /// What the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
+    pub const THRUST: Block = MOTION.then("thrust", OF_DRIVES);
+    /// The motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or end them
+    /// while it runs, and the states of a smoother's tape then keep their places.
+    pub const WATER: Block = THRUST.then("water", THROUGH_WATER);
+    /// The current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
+    pub const LAYERS: Block = WATER.then("current_layers_mps", LAYER_STATES);
+
+    /// All of them, in order.
+    pub const ALL: [Block; 12] = [
+        DEPTH_BIAS,
+        DEPTH_WAVE,
+        CALIBRATION,
+        ATTITUDE_ERROR,
+        ATTITUDE_DEVIATION,
+        HEADING_ERROR,
+        HEADING_DEVIATION,
+        GYRO_MATRIX,
+        MOTION,
+        THRUST,
+        WATER,
+        LAYERS,
+    ];
+    /// Slow errors of sensors, the motion, and what the drives make of the speed.
+    pub const SLOW: [Block; 8] = [
+        DEPTH_BIAS,
+        DEPTH_WAVE,
+        ATTITUDE_ERROR,
+        ATTITUDE_DEVIATION,
+        HEADING_ERROR,
+        HEADING_DEVIATION,
+        MOTION,
+        THRUST,
+    ];
+}
+
+/// Number of further states.
+pub const FURTHER: usize = block::LAYERS.end();
 
 /// One number for each further state.
 pub type FurtherVector = SVector<f64, FURTHER>;
@@ -85,14 +177,25 @@ pub type FurtherRows = SMatrix<f64, MAX_ROWS, FURTHER>;
 mod tests {
     use super::*;
 
-    /// The blocks cover the further states without gap or overlap, the water and its layers last.
+    /// The blocks cover the further states without gap or overlap, each under a name of its own.
     #[test]
     fn blocks_tile_the_further_states() {
         let mut next = 0;
-        for (_, range) in FURTHER_BLOCKS {
-            assert_eq!(range.start, next);
-            next = range.end;
+        for block in block::ALL {
+            assert_eq!(block.first, next);
+            next = block.range().end;
+            assert_eq!(block::ALL.iter().filter(|other| other.name == block.name).count(), 1);
         }
-        assert_eq!((next, FURTHER_BLOCKS[10].1.start), (FURTHER, FIRST_WATER));
+        assert_eq!(next, FURTHER);
+    }
+
+    /// After its correlation time 1/e of an error is left, of a constant all of it.
+    #[test]
+    fn a_process_forgets() {
+        assert!((Process::lasting(2.0, 5.0).left(5.0) - (-1.0_f64).exp()).abs() < 1e-15);
+        assert_eq!(
+            (Process::constant(3.0).left(1e9), Process::constant(3.0).variance),
+            (1.0, 9.0)
+        );
     }
 }

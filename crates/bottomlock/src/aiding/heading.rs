@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use crate::aiding::attitude::SlowAngleModel;
 use crate::aiding::declare::model_section;
 use crate::aiding::deviation::{DeviationModel, harmonics};
-use crate::aiding::further::{FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FurtherRows};
+use crate::aiding::further::{FurtherRows, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
 use crate::aiding::{Innovation, Motion, TangentRows};
@@ -42,6 +42,14 @@ model_section! {
 }
 
 impl HeadingModel {
+    /// Slow error and deviation.
+    pub(crate) fn processes(&self) -> Vec<Processes> {
+        vec![
+            (block::HEADING_ERROR, SlowAngleModel::processes(&[self.yaw()])),
+            (block::HEADING_DEVIATION, self.deviation().processes()),
+        ]
+    }
+
     /// Its deviation.
     pub(crate) fn deviation(&self) -> DeviationModel {
         DeviationModel {
@@ -168,9 +176,9 @@ pub fn heading(motion: &Motion<'_>, yaw_rad: f64, sd_rad: f64) -> Innovation {
     }
     innovation.noise[(0, 0)] = sd_rad.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
-    rows.fixed_view_mut::<1, 2>(0, FIRST_HEADING_ERROR).fill(1.0);
+    rows.fixed_view_mut::<1, 2>(0, block::HEADING_ERROR.first).fill(1.0);
     for (k, harmonic) in harmonics(yaw).into_iter().enumerate() {
-        rows[(0, FIRST_HEADING_DEVIATION + k)] = harmonic;
+        rows[(0, block::HEADING_DEVIATION.first + k)] = harmonic;
     }
     innovation.by_further = Some(rows);
     innovation

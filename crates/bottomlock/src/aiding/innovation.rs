@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::RowJacobian;
 use crate::aiding::MAX_ROWS;
-use crate::aiding::further::{FIRST_MOTION, FIRST_THRUST, FURTHER, FurtherRows};
+use crate::aiding::further::{FURTHER, FurtherRows, block};
 use crate::layout::{DIM, POSITION, VELOCITY};
 
 /// A measurement in the form that the filter processes: z = H δx + n.
@@ -79,8 +79,8 @@ impl Corrects {
         match self {
             Self::All => 0..FURTHER,
             Self::Depth => 0..0,
-            Self::Velocity => FIRST_MOTION..FURTHER,
-            Self::ThroughWater => FIRST_THRUST..FURTHER,
+            Self::Velocity => block::MOTION.first..FURTHER,
+            Self::ThroughWater => block::THRUST.first..FURTHER,
         }
     }
 }

@@ -13,7 +13,7 @@
 use nalgebra::Matrix3;
 
 use crate::aiding::Innovation;
-use crate::aiding::further::{FIRST_MOTION, FurtherRows};
+use crate::aiding::further::{FurtherRows, Process, Processes, block};
 use crate::error::{NavError, require_non_negative, require_positive};
 use crate::layout::VELOCITY;
 use crate::state::NavState;
@@ -85,6 +85,13 @@ impl MotionPrior {
             .try_for_each(|&time_s| require_positive("options.motion.change_time_s", time_s))
     }
 
+    /// Mean and change along the axes.
+    pub(crate) fn processes(&self) -> Processes {
+        let mean = self.mean_sd_mps.map(|sd| Process::lasting(sd, self.mean_time_s));
+        let change = |axis: usize| Process::lasting(self.change_sd_mps[axis], self.change_time_s[axis]);
+        (block::MOTION, mean.into_iter().chain((0..3).map(change)).collect())
+    }
+
     /// The rows of the axes of which something is known.
     #[must_use]
     pub fn innovation(&self, state: &NavState) -> Innovation {
@@ -93,8 +100,8 @@ impl MotionPrior {
         innovation.put(VELOCITY, &Matrix3::identity());
         let mut rows = Box::new(FurtherRows::zeros());
         for axis in 0..3 {
-            rows[(axis, FIRST_MOTION + axis)] = -1.0;
-            rows[(axis, FIRST_MOTION + 3 + axis)] = -1.0;
+            rows[(axis, block::MOTION.first + axis)] = -1.0;
+            rows[(axis, block::MOTION.first + 3 + axis)] = -1.0;
         }
         innovation.by_further = Some(rows);
         innovation.select(|row| self.holds(row))
@@ -122,7 +129,10 @@ mod tests {
         let rows = innovation.by_further.unwrap();
         for (row, axis) in [(0, 0), (1, 2)] {
             assert_eq!(innovation.jacobian[(row, VELOCITY + axis)], 1.0);
-            let own = [rows[(row, FIRST_MOTION + axis)], rows[(row, FIRST_MOTION + 3 + axis)]];
+            let own = [
+                rows[(row, block::MOTION.first + axis)],
+                rows[(row, block::MOTION.first + 3 + axis)],
+            ];
             assert_eq!(own, [-1.0, -1.0]);
             assert_eq!(rows.row(row).abs().sum(), 2.0);
         }

@@ -7,7 +7,7 @@ use super::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
 use super::attitude::{AttitudeSample, MagnetometerModel, attitude};
 use super::depth::{DepthModel, DepthSample};
 use super::deviation::harmonics;
-use super::further::{FIRST_ATTITUDE_DEVIATION, FIRST_HEADING_DEVIATION};
+use super::further::block;
 use super::gps::{GpsModel, GpsSample, GpsVelocity};
 use super::heading::{HeadingModel, HeadingSample, heading};
 use super::registry::{Sensor, SensorModels};
@@ -221,7 +221,7 @@ fn a_deviation_moves_the_residual_by_its_columns() {
                 .by_further
                 .as_ref()
                 .unwrap()
-                .column(FIRST_ATTITUDE_DEVIATION + k)
+                .column(block::ATTITUDE_DEVIATION.first + k)
                 .into_owned();
             assert!((by_step - column).amax() < 1e-8, "{pitch} {k}");
             let moved = [0.0, STEP].map(|step| heading(&still(&state), own_yaw + step * harmonic, 0.01));
@@ -230,7 +230,7 @@ fn a_deviation_moves_the_residual_by_its_columns() {
                 .by_further
                 .as_ref()
                 .unwrap()
-                .column(FIRST_HEADING_DEVIATION + k)
+                .column(block::HEADING_DEVIATION.first + k)
                 .into_owned();
             assert!((by_step - column).amax() < 1e-8, "{pitch} {k}");
         }

@@ -4,6 +4,7 @@ use crate::aiding::acoustic_position::AcousticPositionSample;
 use crate::aiding::attitude::AttitudeSample;
 use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::DepthSample;
+use crate::aiding::further::Processes;
 use crate::aiding::gps::GpsSample;
 use crate::aiding::heading::HeadingSample;
 use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
@@ -48,6 +49,18 @@ macro_rules! sensor_models {
 pub(crate) use sensor_models;
 
 sensor_models!(models);
+
+impl SensorModels {
+    /// Slow errors of the readings as further states.
+    pub(crate) fn processes(&self) -> Vec<Processes> {
+        [
+            self.depth.processes(),
+            self.magnetometer.processes(),
+            self.heading.processes(),
+        ]
+        .concat()
+    }
+}
 
 /// [`AidingSensor::of_row`] of a sensor.
 type OfRow = fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>;

@@ -24,7 +24,7 @@ use nalgebra::Vector3;
 
 use crate::aiding::current_layers::CurrentAt;
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{FIRST_THRUST, FIRST_WATER, FurtherRows};
+use crate::aiding::further::{FurtherRows, Process, Processes, block};
 use crate::aiding::innovation::Corrects;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{AidingSensor, Column, Report, Scene, Signed, Simulation, TimeConstant};
@@ -71,6 +71,23 @@ impl ThrustModel {
     #[must_use]
     pub fn has(&self, axis: usize) -> bool {
         self.slip_sd_mps[axis] > 0.0
+    }
+
+    /// Scale and slip along the axes that are used.
+    pub(crate) fn processes(&self) -> Processes {
+        let of_axis = |axis: usize, process: Process| match self.has(axis) {
+            true => process,
+            false => Process::constant(0.0),
+        };
+        let scale = |axis: usize| {
+            let about_one = Process {
+                mean: 1.0,
+                ..Process::constant(self.scale_sd[axis])
+            };
+            of_axis(axis, about_one)
+        };
+        let slip = |axis: usize| of_axis(axis, Process::lasting(self.slip_sd_mps[axis], self.slip_time_s.0));
+        (block::THRUST, (0..3).map(scale).chain((0..3).map(slip)).collect())
     }
 
     /// Checks what a filter needs that uses the speeds.
@@ -243,10 +260,10 @@ pub fn thrust(axis: usize, motion: &Motion<'_>, sample: &ThrustSample, lever_p_m
     innovation.jacobian.set_row(0, &by_state);
     innovation.noise[(0, 0)] = sample.sd_mps.powi(2);
     let mut rows = Box::new(FurtherRows::zeros());
-    rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
+    rows.fixed_view_mut::<1, WATER>(0, block::WATER.first)
         .copy_from(&along.by_water.transpose());
-    rows[(0, FIRST_THRUST + SCALE + axis)] = -said_mps;
-    rows[(0, FIRST_THRUST + SLIP + axis)] = -1.0;
+    rows[(0, block::THRUST.first + SCALE + axis)] = -said_mps;
+    rows[(0, block::THRUST.first + SLIP + axis)] = -1.0;
     at.complete(motion, &Vector3::zeros(), 0, &mut innovation.jacobian, &mut rows);
     innovation.by_further = Some(rows);
     innovation

@@ -3,10 +3,10 @@
 use nalgebra::SVector;
 
 use super::*;
-use crate::aiding::current_layers::{CurrentAt, LAYER_STATES, LayerVector, Layers, LayersPrior};
-use crate::aiding::further::FIRST_LAYERS;
+use crate::aiding::current_layers::{LAYER_STATES, LayerVector, Layers, LayersPrior, Water};
+use crate::aiding::further::block;
 use crate::aiding::water::tests::{example, motion as motion_at};
-use crate::aiding::water::{CURRENT, WaterVector, inject};
+use crate::aiding::water::{CURRENT, WaterVector};
 use crate::frames::Rot;
 use crate::layout::{DIM, VELOCITY};
 use crate::state::{ErrorVector, NavState};
@@ -23,25 +23,15 @@ fn sample() -> ThrustSample {
 }
 
 /// Layers about 22 m of depth, each with a current of its own.
-fn layers() -> Layers {
+fn layers() -> (Layers, LayerVector) {
     let mut layers = Layers::new(&LayersPrior::default()).unwrap();
     layers.enclose(12.0, 38.0);
-    layers.inject(
-        0.0,
-        &LayerVector::from([0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09]),
-    );
-    layers
+    (layers, [0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09].into())
 }
 
-fn row_of(
-    axis: usize,
-    state: &NavState,
-    water: &WaterVector,
-    layers: Option<&Layers>,
-    lever_p_m: &Vec3<Platform>,
-) -> Innovation {
+fn row_of(axis: usize, state: &NavState, water: &Water<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
     let motion = motion_at(state, RATE);
-    let water = Some(CurrentAt::new(water, layers, motion.level.depth_m));
+    let water = Some(water.at(motion.level.depth_m));
     thrust(axis, &Motion { water, ..motion }, &sample(), lever_p_m)
 }
 
@@ -56,7 +46,7 @@ fn a_current_by_hand() {
     let water = WaterVector::from([0.3, 0.5, 0.0, 0.0, 0.0, 0.0]);
     let mut motion = motion_at(&state, [0.0, 0.0, 0.4]);
     motion.earth_rate_t_radps = Vector3::zeros();
-    motion.water = Some(CurrentAt::new(&water, None, 0.0));
+    motion.water = Some(Water::common(&water).at(0.0));
     let ahead = Vec3::new(0.5, 0.0, 0.0);
     let of = |axis| thrust(axis, &motion, &sample(), &ahead);
     let row = of(0);
@@ -65,18 +55,18 @@ fn a_current_by_hand() {
     assert_eq!(row.noise[(0, 0)], 1e-4);
     let further = row.by_further.unwrap();
     let columns = [
-        (FIRST_THRUST + SCALE, -1.7),
-        (FIRST_THRUST + SLIP, -1.0),
-        (FIRST_THRUST + SCALE + 1, 0.0),
-        (FIRST_WATER + CURRENT + 1, -1.0),
-        (FIRST_WATER + CURRENT, 0.0),
+        (block::THRUST.first + SCALE, -1.7),
+        (block::THRUST.first + SLIP, -1.0),
+        (block::THRUST.first + SCALE + 1, 0.0),
+        (block::WATER.first + CURRENT + 1, -1.0),
+        (block::WATER.first + CURRENT, 0.0),
     ];
     for (k, expected) in columns {
         assert!((further[(0, k)] - expected).abs() < 1e-15, "{k}");
     }
     let starboard = of(1);
     assert!((starboard.residual[0] + 0.5).abs() < 1e-15, "{}", starboard.residual[0]);
-    assert_eq!(starboard.by_further.unwrap()[(0, FIRST_THRUST + SCALE + 1)], 0.4);
+    assert_eq!(starboard.by_further.unwrap()[(0, block::THRUST.first + SCALE + 1)], 0.4);
 }
 
 /// Drives at rest say nothing, and without the current as states there is nothing to relate a speed to.
@@ -85,7 +75,7 @@ fn no_row() {
     let (state, water) = example(5.0);
     let motion = motion_at(&state, [0.0; 3]);
     assert_eq!(thrust(0, &motion, &sample(), &Vec3::zeros()).rows, 0);
-    let water = Some(CurrentAt::new(&water, None, 0.0));
+    let water = Some(Water::common(&water).at(0.0));
     let with_water = Motion { water, ..motion };
     for (speed_mps, rows) in [(0.0, 0), (-0.0, 0), (1e-3, 1), (-2.0, 1)] {
         let still = ThrustSample {
@@ -106,23 +96,23 @@ fn the_row_is_the_derivative() {
         .into_iter()
         .flat_map(|pitch| [0, 1, 2].map(|axis| (pitch, axis)))
     {
-        let ((mut state, water), layers) = (example(pitch), layers());
+        let ((mut state, water), (layers, own_mps)) = (example(pitch), layers());
+        let water = Water::common(&water).with(&layers, &own_mps);
         state.position_t_m = Vec3::new(40.0, -20.0, 22.0);
         // What the filter adds: a n + s.
         let own = [1.1, 0.03];
         let at = |error: &ErrorVector, by: &WaterVector, by_layer: &LayerVector, by_thrust: [f64; 2]| {
-            let (mut state, mut water, mut layers) = (state, water, layers.clone());
+            let (mut state, mut water) = (state, water);
             state.inject(error);
-            inject(&mut water, error[ATTITUDE + 2], by);
-            layers.inject(error[ATTITUDE + 2], by_layer);
+            water.inject(error[ATTITUDE + 2], by, by_layer);
             let motion = motion_at(&state, RATE);
-            let at = CurrentAt::new(&water, Some(&layers), motion.level.depth_m);
+            let at = water.at(motion.level.depth_m);
             let current_t = Vector3::new(at.water[CURRENT], at.water[CURRENT + 1], 0.0);
             let relative_p = state.velocity_p_mps.0 + motion.rate_tp().cross(&lever.0)
                 - state.attitude_t_p.matrix().tr_mul(&current_t);
             (own[0] + by_thrust[0]) * sample().speed_p_mps.0[axis] + own[1] + by_thrust[1] - relative_p[axis]
         };
-        let row = row_of(axis, &state, &water, Some(&layers), &lever);
+        let row = row_of(axis, &state, &water, &lever);
         let further = row.by_further.as_deref().unwrap();
         let (none, zero, still, step) = (WaterVector::zeros(), ErrorVector::zeros(), LayerVector::zeros(), 1e-5);
         let check = |ahead: f64, behind: f64, expected: f64, name: &str, j: usize| {
@@ -140,17 +130,35 @@ fn the_row_is_the_derivative() {
         for j in 0..WATER {
             let by = WaterVector::ith(j, step);
             let moved = |by| at(&zero, by, &still, [0.0; 2]);
-            check(moved(&by), moved(&-by), further[(0, FIRST_WATER + j)], "water", j);
+            check(
+                moved(&by),
+                moved(&-by),
+                further[(0, block::WATER.first + j)],
+                "water",
+                j,
+            );
         }
         for j in 0..LAYER_STATES {
             let by = LayerVector::ith(j, step);
             let moved = |by| at(&zero, &none, by, [0.0; 2]);
-            check(moved(&by), moved(&-by), further[(0, FIRST_LAYERS + j)], "layer", j);
+            check(
+                moved(&by),
+                moved(&-by),
+                further[(0, block::LAYERS.first + j)],
+                "layer",
+                j,
+            );
         }
         for j in 0..THRUST {
             let by = SVector::<f64, THRUST>::ith(j, step);
             let moved = |by: SVector<f64, THRUST>| at(&zero, &none, &still, [by[SCALE + axis], by[SLIP + axis]]);
-            check(moved(by), moved(-by), further[(0, FIRST_THRUST + j)], "thrust", j);
+            check(
+                moved(by),
+                moved(-by),
+                further[(0, block::THRUST.first + j)],
+                "thrust",
+                j,
+            );
         }
     }
 }
@@ -161,13 +169,14 @@ fn what_it_leaves_open() {
     for (pitch, axis) in [(0.0, 0), (0.0, 2), (-40.0, 1), (85.0, 0)] {
         let (state, water) = example(pitch);
         for (lever, bound) in [(Vec3::zeros(), 1e-15), (Vec3::new(0.1, 0.3, -0.2), 1e-4)] {
-            let row = row_of(axis, &state, &water, Some(&layers()), &lever);
+            let (layers, own_mps) = layers();
+            let row = row_of(axis, &state, &Water::common(&water).with(&layers, &own_mps), &lever);
             let further = row.by_further.as_deref().unwrap();
             let rotation = state.attitude_t_p.matrix();
             for north_east in 0..2 {
                 let by_velocity = rotation.tr_mul(&Vector3::ith(north_east, 1.0));
                 let open = row.jacobian.fixed_view::<1, 3>(0, VELOCITY) * by_velocity;
-                let sum = open[0] + further[(0, FIRST_WATER + CURRENT + north_east)];
+                let sum = open[0] + further[(0, block::WATER.first + CURRENT + north_east)];
                 assert!(sum.abs() < 1e-15, "pitch {pitch}");
             }
             assert!(row.jacobian[(0, ATTITUDE + 2)].abs() < bound);

@@ -18,6 +18,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::aiding::Motion;
+use crate::aiding::further::Process;
 use crate::error::{NavError, require_magnitude, require_non_negative, require_positive};
 use crate::frames::skew;
 use crate::layout::{ATTITUDE, DIM, GYRO_BIAS, VELOCITY};
@@ -122,41 +123,24 @@ impl WaterPrior {
         Ok(())
     }
 
-    /// Variances of the further states at the start and, but for k, in the long run.
+    /// The water states before anything is learnt of slip and current.
     #[must_use]
-    pub fn variance(&self) -> WaterVector {
-        let sd = [
-            self.current_sd_mps,
-            self.current_sd_mps,
-            self.sway_gain_sd_m,
-            self.trim_sd_mps,
-            self.slip_sd_mps,
-            self.slip_sd_mps,
-        ];
-        WaterVector::from(sd.map(|sd| sd * sd))
+    pub fn processes(&self) -> [Process; WATER] {
+        let current = Process::lasting(self.current_sd_mps, self.current_time_s);
+        let slip = Process::lasting(self.slip_sd_mps, self.slip_time_s);
+        let gain = Process {
+            mean: self.sway_gain_m,
+            ..Process::constant(self.sway_gain_sd_m)
+        };
+        let trim = Process::lasting(self.trim_sd_mps, self.trim_time_s);
+        [current, current, gain, trim, slip, slip]
     }
 
-    /// Estimates at the start.
+    /// Their means.
     #[must_use]
     pub fn mean(&self) -> WaterVector {
-        let mut mean = WaterVector::zeros();
-        mean[GAIN] = self.sway_gain_m;
-        mean
+        self.processes().map(|process| process.mean).into()
     }
-
-    /// Correlation of each state over `duration_s`: exp(−t/τ), and 1 for k, which is a constant of the vehicle.
-    #[must_use]
-    pub fn decay(&self, duration_s: f64) -> WaterVector {
-        let left = |time_s: f64| (-duration_s / time_s).exp();
-        let (current, slip) = (left(self.current_time_s), left(self.slip_time_s));
-        WaterVector::from([current, current, 1.0, left(self.trim_time_s), slip, slip])
-    }
-}
-
-/// Adds an error to an estimate: the current turns with the yaw that is corrected, see the module's head.
-pub fn inject(water: &mut WaterVector, yaw_rad: f64, error: &WaterVector) {
-    turn(&mut water.as_mut_slice()[CURRENT..CURRENT + 2], yaw_rad);
-    *water += error;
 }
 
 /// Turns a horizontal velocity, north and east, with the yaw that is corrected.

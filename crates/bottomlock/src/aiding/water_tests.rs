@@ -1,6 +1,7 @@
 //! The rows by hand, against differences, and blind to the yaw.
 
 use super::*;
+use crate::aiding::current_layers::{LayerVector, Water};
 use crate::earth::LocalLevel;
 use crate::frames::{Rot, Vec3};
 use crate::state::{ErrorVector, NavState};
@@ -74,7 +75,9 @@ fn rows_are_the_derivatives() {
             let at = |error: &ErrorVector, by: &WaterVector| {
                 let (mut state, mut water) = (state, water);
                 state.inject(error);
-                inject(&mut water, error[ATTITUDE + 2], by);
+                let mut moved = Water::common(&water);
+                moved.inject(error[ATTITUDE + 2], by, &LayerVector::zeros());
+                water = moved.estimate;
                 row_of(&motion(&state, [0.1, -0.2, 0.3]), &water).residual
             };
             let row = row_of(&motion(&state, [0.1, -0.2, 0.3]), &water);
@@ -158,17 +161,18 @@ fn decay_by_hand() {
         ..WaterPrior::default()
     };
     let expected = [-1.0, -1.0, 0.0, -2.0, -4.0, -4.0].map(f64::exp);
-    assert!((prior.decay(100.0) - WaterVector::from(expected)).amax() < 1e-15);
+    let left = WaterVector::from(prior.processes().map(|process| process.left(100.0)));
+    assert!((left - WaterVector::from(expected)).amax() < 1e-15);
 }
 
 /// A yaw corrected by a quarter turn turns a current of (3, 1) to (−1, 3), and the errors add to it.
 #[test]
 fn the_current_turns_with_the_yaw() {
-    let mut water = WaterVector::from([3.0, 1.0, 0.5, 0.1, 0.2, 0.3]);
+    let mut water = Water::common(&[3.0, 1.0, 0.5, 0.1, 0.2, 0.3].into());
     let error = WaterVector::from([0.25, 0.5, 0.125, 0.0, 0.0, -0.3]);
-    inject(&mut water, std::f64::consts::FRAC_PI_2, &error);
+    water.inject(std::f64::consts::FRAC_PI_2, &error, &LayerVector::zeros());
     let expected = WaterVector::from([-0.75, 3.5, 0.625, 0.1, 0.2, 0.0]);
-    assert!((water - expected).amax() < 1e-15, "{water}");
+    assert!((water.estimate - expected).amax() < 1e-15, "{water:?}");
 }
 
 /// k times the rate of the turn, whose noise is k² of the gyro's; nothing is left out of the rates but the Earth's.

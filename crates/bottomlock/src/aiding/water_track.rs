@@ -14,11 +14,11 @@
 
 use nalgebra::Vector3;
 
-use crate::aiding::current_layers::{CurrentAt, Layers};
+use crate::aiding::current_layers::Water;
 use crate::aiding::declare::model_section;
-use crate::aiding::further::{FIRST_WATER, FurtherRows};
+use crate::aiding::further::{FurtherRows, block};
 use crate::aiding::sensor::Fraction;
-use crate::aiding::water::{CURRENT, WaterVector};
+use crate::aiding::water::CURRENT;
 use crate::aiding::{BeamTerms, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error::NavError;
@@ -87,7 +87,7 @@ model_section! {
 pub fn water_track_terms(
     motion: &Motion<'_>,
     geometry: &BeamGeometry,
-    (water, layers): (&WaterVector, Option<&Layers>),
+    water: &Water<'_>,
     sample: &WaterSample,
     beams_at: impl Fn(&Motion<'_>) -> BeamTerms,
 ) -> BeamTerms {
@@ -100,7 +100,7 @@ pub fn water_track_terms(
         .unwrap_or_else(|| Box::new(FurtherRows::zeros()));
     for beam in sample.ping.valid.iter() {
         let cell_t_m = cell_t_m(motion, geometry, beam, sample.range_m);
-        let at = CurrentAt::new(water, layers, level.depth_m + down_t.dot(&cell_t_m));
+        let at = water.at(level.depth_m + down_t.dot(&cell_t_m));
         let current_t = level.rotation_t_n * Vector3::new(at.water[CURRENT], at.water[CURRENT + 1], 0.0);
         let relative = beams_at(&Motion {
             state: &NavState {
@@ -122,8 +122,8 @@ pub fn water_track_terms(
             terms.jacobian[(beam, ATTITUDE + k)] += by_misalignment[k];
         }
         let direction_n = level.rotation_t_n.tr_mul(&direction_t);
-        further[(beam, FIRST_WATER + CURRENT)] = -direction_n.x;
-        further[(beam, FIRST_WATER + CURRENT + 1)] = -direction_n.y;
+        further[(beam, block::WATER.first + CURRENT)] = -direction_n.x;
+        further[(beam, block::WATER.first + CURRENT + 1)] = -direction_n.y;
         at.complete(motion, &cell_t_m, beam, &mut terms.jacobian, &mut further);
     }
     terms.by_further = Some(further);

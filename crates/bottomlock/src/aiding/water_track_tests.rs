@@ -1,10 +1,10 @@
 //! The rows by hand, against differences, and blind to what the water alone leaves open.
 
 use super::*;
-use crate::aiding::current_layers::{LAYER_STATES, LayerVector, LayersPrior};
-use crate::aiding::further::FIRST_LAYERS;
+use crate::aiding::current_layers::{LAYER_STATES, LayerVector, Layers, LayersPrior};
+use crate::aiding::further::block;
 use crate::aiding::water::tests::{example as moving, motion as motion_at};
-use crate::aiding::water::{WATER, inject};
+use crate::aiding::water::{WATER, WaterVector};
 use crate::aiding::{MAX_ROWS, beam_terms};
 use crate::dvl::geometry::{BeamMask, Janus, MAX_BEAMS};
 use crate::frames::Rot;
@@ -41,17 +41,15 @@ fn sample(valid: BeamMask) -> WaterSample {
 }
 
 /// Layers about the depth of the example, each with a current of its own.
-fn layers() -> Layers {
+fn layers() -> (Layers, LayerVector) {
     let mut layers = Layers::new(&LayersPrior::default()).unwrap();
     layers.enclose(12.0, 38.0);
-    let own = LayerVector::from([0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09]);
-    layers.inject(0.0, &own);
-    layers
+    (layers, [0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09].into())
 }
 
-fn terms(state: &NavState, water: &WaterVector, layers: Option<&Layers>, sample: &WaterSample) -> BeamTerms {
+fn terms(state: &NavState, water: &Water<'_>, sample: &WaterSample) -> BeamTerms {
     let (motion, geometry) = (motion(state), janus());
-    water_track_terms(&motion, &geometry, (water, layers), sample, |relative| {
+    water_track_terms(&motion, &geometry, water, sample, |relative| {
         beam_terms(relative, &geometry, &sample.ping)
     })
 }
@@ -63,7 +61,7 @@ fn a_current_by_hand() {
     let mut state = NavState::at_rest(0);
     state.attitude_t_p = Rot::from_euler_rad(0.0, 0.0, std::f64::consts::FRAC_PI_2);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
-    let water = WaterVector::from([0.3, 0.5, 0.0, 0.0, 0.0, 0.0]);
+    let water = Water::common(&[0.3, 0.5, 0.0, 0.0, 0.0, 0.0].into());
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
     let mut sample = sample(BeamMask::all(4));
     for beam in 0..4 {
@@ -74,7 +72,7 @@ fn a_current_by_hand() {
         earth_rate_t_radps: Vector3::zeros(),
         ..motion(&state)
     };
-    let terms = water_track_terms(&still, &geometry, (&water, None), &sample, |relative| {
+    let terms = water_track_terms(&still, &geometry, &water, &sample, |relative| {
         beam_terms(relative, &geometry, &sample.ping)
     });
     assert!(terms.residual.amax() < 1e-15, "{}", terms.residual);
@@ -85,7 +83,7 @@ fn a_current_by_hand() {
 fn in_still_water_the_rows_are_those_of_the_bottom() {
     let (state, _) = example(5.0);
     let sample = sample(BeamMask::all(4));
-    let still = terms(&state, &WaterVector::zeros(), None, &sample);
+    let still = terms(&state, &Water::common(&WaterVector::zeros()), &sample);
     let bottom = beam_terms(&motion(&state), &janus(), &sample.ping);
     assert_eq!(
         (still.residual, still.jacobian, still.noise),
@@ -102,7 +100,6 @@ fn a_layer_by_hand() {
     let places = [1, 2];
     let mut own = LayerVector::zeros();
     (own[2 * places[0]], own[2 * places[1]]) = (0.1, -0.3);
-    layers.inject(0.0, &own);
     let mut state = NavState::at_rest(0);
     state.position_t_m = Vec3::new(0.0, 0.0, 12.0);
     let geometry = BeamGeometry::from_directions(&[Vec3::new(0.6, 0.0, 0.8)]).unwrap();
@@ -115,14 +112,14 @@ fn a_layer_by_hand() {
     let found = water_track_terms(
         &still,
         &geometry,
-        (&WaterVector::zeros(), Some(&layers)),
+        &Water::common(&WaterVector::zeros()).with(&layers, &own),
         &sample,
         |relative| beam_terms(relative, &geometry, &sample.ping),
     );
     assert!(found.residual[0].abs() < 1e-15, "{}", found.residual[0]);
     let further = found.by_further.as_deref().unwrap();
-    assert!((further[(0, FIRST_LAYERS + 2 * places[0])] + 0.6 * 0.4).abs() < 1e-15);
-    assert!((further[(0, FIRST_LAYERS + 2 * places[1])] + 0.6 * 0.6).abs() < 1e-15);
+    assert!((further[(0, block::LAYERS.first + 2 * places[0])] + 0.6 * 0.4).abs() < 1e-15);
+    assert!((further[(0, block::LAYERS.first + 2 * places[1])] + 0.6 * 0.6).abs() < 1e-15);
     // A metre deeper the current is 0.04 m/s less.
     assert!((found.jacobian[(0, POSITION + 2)] - 0.6 * 0.04).abs() < 1e-15);
 }
@@ -134,17 +131,17 @@ fn rows_are_the_derivatives() {
         .into_iter()
         .flat_map(|pitch| [BeamMask::all(4), [0, 2, 3].into_iter().collect()].map(|valid| (pitch, valid)))
     {
-        let ((mut state, water), layers) = (example(pitch), layers());
+        let ((mut state, water), (layers, own_mps)) = (example(pitch), layers());
+        let water = Water::common(&water).with(&layers, &own_mps);
         state.position_t_m = Vec3::new(40.0, -20.0, 22.0);
         let sample = sample(valid);
         let at = |error: &ErrorVector, by: &WaterVector, by_layer: &LayerVector| {
-            let (mut state, mut water, mut layers) = (state, water, layers.clone());
+            let (mut state, mut water) = (state, water);
             state.inject(error);
-            inject(&mut water, error[ATTITUDE + 2], by);
-            layers.inject(error[ATTITUDE + 2], by_layer);
-            terms(&state, &water, Some(&layers), &sample).residual
+            water.inject(error[ATTITUDE + 2], by, by_layer);
+            terms(&state, &water, &sample).residual
         };
-        let whole = terms(&state, &water, Some(&layers), &sample);
+        let whole = terms(&state, &water, &sample);
         let further = whole.by_further.as_deref().unwrap();
         let (none, zero, still, step) = (WaterVector::zeros(), ErrorVector::zeros(), LayerVector::zeros(), 1e-5);
         for beam in valid.iter() {
@@ -160,7 +157,7 @@ fn rows_are_the_derivatives() {
                 let by = WaterVector::ith(j, step);
                 let slope = (at(&zero, &-by, &still) - at(&zero, &by, &still))[beam] / (2.0 * step);
                 assert!(
-                    (slope - further[(beam, FIRST_WATER + j)]).abs() < 1e-9,
+                    (slope - further[(beam, block::WATER.first + j)]).abs() < 1e-9,
                     "pitch {pitch}, beam {beam}, further state {j}"
                 );
             }
@@ -168,7 +165,7 @@ fn rows_are_the_derivatives() {
                 let by = LayerVector::ith(j, step);
                 let slope = (at(&zero, &none, &-by) - at(&zero, &none, &by))[beam] / (2.0 * step);
                 assert!(
-                    (slope - further[(beam, FIRST_LAYERS + j)]).abs() < 1e-9,
+                    (slope - further[(beam, block::LAYERS.first + j)]).abs() < 1e-9,
                     "pitch {pitch}, beam {beam}, layer {j}"
                 );
             }
@@ -182,13 +179,14 @@ fn what_the_water_alone_leaves_open() {
     for pitch in [0.0, -40.0, 85.0] {
         let (state, water) = example(pitch);
         let sample = sample(BeamMask::all(4));
-        let whole = terms(&state, &water, Some(&layers()), &sample);
+        let (layers, own_mps) = layers();
+        let whole = terms(&state, &Water::common(&water).with(&layers, &own_mps), &sample);
         let further = whole.by_further.as_deref().unwrap();
         let rotation = motion(&state).rotation();
         for axis in 0..2 {
             let by_velocity = rotation.tr_mul(&Vector3::ith(axis, 1.0));
             let open = whole.jacobian.fixed_columns::<3>(VELOCITY) * by_velocity
-                + further.column(FIRST_WATER + CURRENT + axis);
+                + further.column(block::WATER.first + CURRENT + axis);
             assert!(open.amax() < 1e-15, "pitch {pitch}: {open}");
         }
         let bottom = beam_terms(&motion(&state), &janus(), &sample.ping);

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::Eskf;
 use crate::aiding::Innovation;
 use crate::aiding::Motion;
-use crate::aiding::further::{FIRST_WATER, FurtherRows};
+use crate::aiding::further::{FurtherRows, block};
 use crate::aiding::water::{WATER, WaterRow, WaterVector};
 use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
@@ -88,7 +88,7 @@ impl Eskf {
         };
         let uncertainty_m2ps2 = water.begin_epoch(row);
         if let Some(further) = &mut self.extensions.further {
-            further.add_variance(FIRST_WATER + row.slip, uncertainty_m2ps2);
+            further.add_variance(block::WATER.first + row.slip, uncertainty_m2ps2);
         }
         let mut innovation = Innovation {
             rows: 1,
@@ -99,7 +99,7 @@ impl Eskf {
         innovation.jacobian.set_row(0, &row.by_state.transpose());
         innovation.noise[(0, 0)] = row.variance;
         let mut rows = Box::new(FurtherRows::zeros());
-        rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
+        rows.fixed_view_mut::<1, WATER>(0, block::WATER.first)
             .copy_from(&row.by_water.transpose());
         if let Some(at) = self.current_at_vehicle().filter(|_| self.has_layers()) {
             self.with_motion(|motion| at.complete(motion, &Vector3::zeros(), 0, &mut innovation.jacobian, &mut rows));
@@ -144,6 +144,7 @@ impl Eskf {
         if let Some(water) = &mut self.extensions.water {
             water.learn(&row, whole.1[(axis, axis)]);
         }
+        self.extensions.note_water();
     }
 }
 

@@ -6,7 +6,7 @@ use nalgebra::SMatrix;
 
 use super::Eskf;
 use crate::aiding::calibration::{Calibration, CalibrationCovariance, calibrated_beam_terms};
-use crate::aiding::further::FIRST_CALIBRATION;
+use crate::aiding::further::block;
 use crate::aiding::{self, BeamTerms, Innovation, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};
 use crate::error_model::Coefficients;
@@ -17,13 +17,13 @@ impl Eskf {
     /// Estimated mounting and clock of the DVL with the covariance of their errors; `None` where they are taken as stated.
     #[must_use]
     pub fn calibration(&self) -> Option<(Calibration, CalibrationCovariance)> {
-        let block = self.extensions.calibration.as_deref()?;
-        Some((*block.estimate(), self.extensions.covariance_of(FIRST_CALIBRATION)))
+        let calibration = self.extensions.further().calibration()?;
+        Some((calibration, self.extensions.covariance_of(block::CALIBRATION.first)))
     }
 
     /// Brings the mean acceleration up to date before a ping, where the clock is unknown.
     pub(crate) fn prepare_for_ping(&mut self) {
-        if self.extensions.calibration.is_some() {
+        if self.extensions.change.is_some() {
             self.propagate_covariance();
         }
     }
@@ -34,20 +34,21 @@ impl Eskf {
     }
 
     pub(super) fn beam_terms_at(&self, motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
-        match self.extensions.calibration.as_deref() {
-            None => aiding::beam_terms(motion, geometry, ping),
-            Some(block) => {
-                let change = block.motion_change(self.velocity_by_state());
-                calibrated_beam_terms(motion, &change, geometry, block.estimate(), ping)
+        let further = self.extensions.further();
+        match (self.extensions.change.as_deref(), further.calibration()) {
+            (Some(change), Some(calibration)) => {
+                let change = change.motion_change(self.velocity_by_state());
+                calibrated_beam_terms(motion, &change, geometry, &calibration, ping)
             }
+            _ => aiding::beam_terms(motion, geometry, ping),
         }
     }
 
     /// A geometry at the estimated mounting.
     pub(crate) fn calibrated_geometry<'a>(&self, geometry: &'a BeamGeometry) -> Cow<'a, BeamGeometry> {
-        match self.extensions.calibration.as_deref() {
+        match self.extensions.further().calibration() {
             None => Cow::Borrowed(geometry),
-            Some(block) => Cow::Owned(geometry.clone().turned(block.estimate().mounting)),
+            Some(calibration) => Cow::Owned(geometry.clone().turned(calibration.mounting)),
         }
     }
 
@@ -69,9 +70,8 @@ impl Eskf {
             corrected_path: innovation.corrected_path.clone(),
             ..*innovation
         });
-        let estimate = self.extensions.processes.estimate();
-        for k in further.states().filter(|&k| estimate[k] != 0.0) {
-            whole.residual.axpy(-estimate[k], &rows.column(k), 1.0);
+        for (k, estimate) in further.added() {
+            whole.residual.axpy(-estimate, &rows.column(k), 1.0);
         }
         further.add_to(&mut whole, rows);
         Some(whole)
@@ -96,3 +96,7 @@ impl Eskf {
         SMatrix::from_fn(|i, j| f[VELOCITY + i][j])
     }
 }
+
+#[cfg(test)]
+#[path = "calibration_tests.rs"]
+mod tests;

@@ -4,9 +4,9 @@ use crate::aiding::Motion;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::*;
-use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance};
+use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance, CalibrationPrior, CalibrationVector};
 use crate::aiding::depth::{DepthModel, depth};
-use crate::aiding::further::{FIRST_CALIBRATION, FIRST_WATER, FURTHER};
+use crate::aiding::further::{FURTHER, block};
 use crate::aiding::sensor::TimeConstant;
 use crate::aiding::water::{WATER, sway_row};
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, tightly_coupled};
@@ -14,6 +14,7 @@ use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
 use crate::filter::level_turn::{advance, assert_close};
+use crate::filter::mean_change::MeanChange;
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
 use crate::filter::water_block::WaterBlock;
@@ -54,8 +55,12 @@ fn filter() -> Eskf {
         .with_water(Some(WaterBlock::new(&options.water)))
 }
 
-fn block(filter: &Eskf) -> CalibrationBlock {
-    filter.extensions.calibration.as_deref().unwrap().clone()
+fn numbers(filter: &Eskf) -> CalibrationVector {
+    filter.calibration().unwrap().0.numbers()
+}
+
+fn change(filter: &Eskf) -> &MeanChange {
+    filter.extensions.change.as_deref().unwrap()
 }
 
 /// The joint covariance of the error state, the bias of the depth sensor, mounting and clock, and the water states.
@@ -66,7 +71,9 @@ fn joint(filter: &Eskf) -> DMatrix<f64> {
 /// Covariance of the error state with mounting and clock.
 fn cross(filter: &Eskf) -> SMatrix<f64, DIM, CALIBRATION> {
     let further = filter.extensions.further().cross();
-    further.fixed_columns::<CALIBRATION>(FIRST_CALIBRATION).into_owned()
+    further
+        .fixed_columns::<CALIBRATION>(block::CALIBRATION.first)
+        .into_owned()
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
@@ -109,16 +116,16 @@ fn updates_are_the_textbook_updates_of_all_states() {
         let rows = innovation.by_further.as_deref().unwrap();
         let h = DMatrix::from_fn(m, ALL, |i, j| match j {
             j if j < DIM => innovation.jacobian[(i, j)],
-            j if (OWN..WATER_AT).contains(&j) => rows[(i, FIRST_CALIBRATION + j - OWN)],
+            j if (OWN..WATER_AT).contains(&j) => rows[(i, block::CALIBRATION.first + j - OWN)],
             _ => 0.0,
         });
         let r = innovation.noise.view((0, 0), (m, m)).into_owned();
         let z = innovation.residual.rows(0, m).into_owned();
-        let (p, before) = (joint(&filter), block(&filter).estimate.numbers());
+        let (p, before) = (joint(&filter), numbers(&filter));
         let (expected, error) = updated(&p, &h, &r, &z);
         filter.update(&innovation, Sensor::Beams).unwrap();
         assert_close(&joint(&filter), &expected, 1e-9, "ping");
-        let after = block(&filter).estimate.numbers();
+        let after = numbers(&filter);
         for k in 0..CALIBRATION {
             // Rotations compose to second order.
             assert!((after[k] - before[k] - error[OWN + k]).abs() < 5e-4, "{k}");
@@ -141,7 +148,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         assert_close(&joint(&filter), &expected, 1e-9, "depth");
 
         advance(&mut filter, 20);
-        let water = *filter.water().unwrap().estimate();
+        let water = filter.water_states().unwrap().estimate;
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
         let mut begun = filter.clone();
         let added = begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
@@ -150,7 +157,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
             .further
             .as_deref_mut()
             .unwrap()
-            .add_variance(FIRST_WATER + assumed.slip, added);
+            .add_variance(block::WATER.first + assumed.slip, added);
         let h = DMatrix::from_fn(1, ALL, |_, j| match j {
             j if j < DIM => assumed.by_state[j],
             j if j >= WATER_AT => assumed.by_water[j - WATER_AT],
@@ -207,7 +214,10 @@ fn begins_at_the_prior() {
     filter.set_covariance(&covariance).unwrap();
     let (estimate, covariance) = filter.calibration().unwrap();
     assert_eq!(estimate, Calibration::default());
-    assert_eq!(covariance, CalibrationCovariance::from_diagonal(&PRIOR.variance()));
+    assert_eq!(
+        covariance,
+        CalibrationCovariance::from_diagonal(&CalibrationVector::from([0.02, 0.03, 0.05, 0.1].map(|sd: f64| sd * sd)))
+    );
 }
 
 /// A filter whose every state beside the others is correlated with mounting and clock.
@@ -226,7 +236,7 @@ fn correlated() -> Eskf {
             &Vec3::from_array([0.4, 0.1, -0.2]),
         );
         filter.update(&innovation, Sensor::Depth).unwrap();
-        let water = *filter.water().unwrap().estimate();
+        let water = filter.water_states().unwrap().estimate;
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
         filter.assume(&assumed, Sensor::Sway).unwrap();
     }
@@ -296,7 +306,7 @@ fn corrections_are_no_acceleration() {
     let mut filter = filter();
     advance(&mut filter, 50);
     filter.prepare_for_ping();
-    let before = block(&filter).change.acceleration_p_mps2;
+    let before = change(&filter).acceleration_p_mps2;
     let mut innovation = Innovation {
         rows: 1,
         degrees: 1,
@@ -309,7 +319,7 @@ fn corrections_are_no_acceleration() {
     assert!(filter.state().velocity_p_mps.0.x > 2.9);
     advance(&mut filter, 10);
     filter.prepare_for_ping();
-    let after = block(&filter).change.acceleration_p_mps2;
+    let after = change(&filter).acceleration_p_mps2;
     // 1 m/s within a step of 10 ms would be 4 m/s² a time constant later.
     assert!((after - before).x.abs() < 0.1, "{before} {after}");
 }
@@ -336,16 +346,15 @@ fn change_of_the_velocity_by_the_states() {
 /// Numbers from bytes are finite, or named.
 #[test]
 fn restored_numbers_are_checked() {
-    let good = block(&correlated());
-    assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut CalibrationBlock); 3] = [
-        |block| block.prior.clock_sd_s = -1.0,
-        |block| block.change.acceleration_p_mps2.y = f64::NAN,
-        |block| block.change.angular_acceleration_p_radps2.z = f64::NAN,
+    let filter = correlated();
+    assert_eq!(change(&filter).check_restored(3), Ok(()));
+    let faults: [fn(&mut MeanChange); 2] = [
+        |change| change.acceleration_p_mps2.y = f64::NAN,
+        |change| change.angular_acceleration_p_radps2.z = f64::NAN,
     ];
-    for (number, change) in faults.into_iter().enumerate() {
-        let mut bad = good.clone();
-        change(&mut bad);
+    for (number, spoil) in faults.into_iter().enumerate() {
+        let mut bad = change(&filter).clone();
+        spoil(&mut bad);
         assert!(bad.check_restored(3).is_err(), "{number}");
     }
 }
@@ -359,7 +368,7 @@ fn a_ping_finds_the_acceleration_up_to_date() {
     };
     let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     advance(&mut filter, 5);
-    assert_eq!(block(&filter).change.acceleration_p_mps2, Vector3::zeros());
+    assert_eq!(change(&filter).acceleration_p_mps2, Vector3::zeros());
     filter.prepare_for_ping();
-    assert!((block(&filter).change.acceleration_p_mps2.y - 0.2).abs() < 0.01);
+    assert!((change(&filter).acceleration_p_mps2.y - 0.2).abs() < 0.01);
 }

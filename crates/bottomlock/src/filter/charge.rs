@@ -5,10 +5,7 @@ use std::ops::Range;
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use crate::aiding::further::{
-    FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_HEADING_DEVIATION, FIRST_HEADING_ERROR, FIRST_MOTION,
-    FURTHER, FURTHER_BLOCKS, FurtherVector,
-};
+use crate::aiding::further::{Block, FURTHER, FurtherVector, block};
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, MAX_ROWS};
 use crate::filter::gate::FIVE_SIGMA_FACTOR;
@@ -195,7 +192,7 @@ impl Eskf {
 
     /// Long-run variances of the sensor's own slow states: those that its rows have; zero for all others.
     fn slow_variances(&self, innovation: &Innovation) -> FurtherVector {
-        let steady = self.extensions.steady();
+        let steady = self.extensions.further().variance();
         let rows = innovation.correlated_noise.as_ref().map(|noise| &noise.by_further);
         FurtherVector::from_fn(|k, _| {
             let is_own = rows.is_some_and(|rows| rows.column(k).amax() > 0.0);
@@ -206,21 +203,25 @@ impl Eskf {
     /// Without states that another one of their block has the same column as, and changes faster: of an offset and a walk the
     /// walk. A deviation is not charged where the sensor has an offset or a walk.
     fn changing(&self, innovation: &Innovation, slow: &FurtherVector) -> FurtherVector {
-        let (rates, rows) = (
-            self.extensions.processes.rate_per_s(),
-            innovation.correlated_noise.as_ref().map(|noise| &noise.by_further),
-        );
-        let is_of_one = |j: usize, k: usize| FURTHER_BLOCKS.iter().any(|(_, b)| b.contains(&j) && b.contains(&k));
+        let times_s = self.extensions.further().time_s();
+        let rows = innovation.correlated_noise.as_ref().map(|noise| &noise.by_further);
+        let is_of_one = |j: usize, k: usize| {
+            let mut blocks = block::ALL.into_iter().map(Block::range);
+            blocks.any(|states| states.contains(&j) && states.contains(&k))
+        };
         let is_like = |j: usize, k: usize| is_of_one(j, k) && rows.is_some_and(|rows| rows.column(j) == rows.column(k));
-        let others = |block: Range<usize>| slow.rows_range(block).amax() > 0.0;
+        let errors_of_deviations = [
+            (block::ATTITUDE_DEVIATION, block::ATTITUDE_ERROR),
+            (block::HEADING_DEVIATION, block::HEADING_ERROR),
+        ];
         let has_others = |k: usize| {
-            (FIRST_ATTITUDE_DEVIATION..FIRST_HEADING_ERROR).contains(&k)
-                && others(FIRST_ATTITUDE_ERROR..FIRST_ATTITUDE_DEVIATION)
-                || (FIRST_HEADING_DEVIATION..FIRST_MOTION).contains(&k)
-                    && others(FIRST_HEADING_ERROR..FIRST_HEADING_DEVIATION)
+            let mut pairs = errors_of_deviations.into_iter();
+            pairs.any(|(deviation, errors)| {
+                deviation.range().contains(&k) && slow.rows_range(errors.range()).amax() > 0.0
+            })
         };
         FurtherVector::from_fn(|k, _| {
-            let is_slower = (0..FURTHER).any(|j| slow[j] > 0.0 && rates[j] > rates[k] && is_like(j, k));
+            let is_slower = (0..FURTHER).any(|j| slow[j] > 0.0 && times_s[j] < times_s[k] && is_like(j, k));
             if is_slower || has_others(k) { 0.0 } else { slow[k] }
         })
     }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::aiding::attitude::{MagnetometerModel, attitude};
-use crate::aiding::further::FIRST_ATTITUDE_ERROR;
+use crate::aiding::further::block;
 use crate::aiding::sensor::{SlowSd, WalkTime};
 use crate::aiding::water::{CURRENT, WaterPrior};
 use crate::aiding::water_track::WaterSample;
@@ -83,7 +83,7 @@ fn a_slow_error_is_charged_first_and_on_its_axis() {
         let grown = charge.factor.unwrap() - 1.0;
         for axis in 0..3 {
             let expected = if axes.contains(&axis) { grown } else { 0.0 };
-            let [offset, walk] = [0, 3].map(|first| further[FIRST_ATTITUDE_ERROR + first + axis]);
+            let [offset, walk] = [0, 3].map(|first| further[block::ATTITUDE_ERROR.first + first + axis]);
             assert_eq!(offset, 0.0);
             assert!(
                 (walk - 4.0 * expected).abs() < 1e-9 * grown,
@@ -106,7 +106,7 @@ fn the_axis_that_has_to_be_less_wrong_is_charged() {
         nalgebra::Matrix2::zeros()
     );
     assert_eq!(
-        further.fixed_rows::<2>(FIRST_ATTITUDE_ERROR),
+        further.fixed_rows::<2>(block::ATTITUDE_ERROR.first),
         nalgebra::Vector2::zeros()
     );
 }
@@ -120,7 +120,7 @@ fn what_is_shared_is_not_charged() {
     let grown = charge.factor.unwrap() - 1.0;
     let yaw = ATTITUDE + 2;
     assert!((inertial[(yaw, yaw)] / grown - 1.0).abs() < 1e-9);
-    assert!((further[FIRST_ATTITUDE_ERROR + 5] / grown - 4.0).abs() < 1e-9);
+    assert!((further[block::ATTITUDE_ERROR.first + 5] / grown - 4.0).abs() < 1e-9);
     assert!((charge.to_sensor - 0.8).abs() < 1e-9);
     assert_eq!((inertial[(ATTITUDE, ATTITUDE)], charge.is_of_all), (0.0, false));
 
@@ -187,7 +187,7 @@ fn water_track_is_taken_again() {
     assert!(charge.to_sensor == 1.0 && charge.factor.is_some_and(|factor| factor > 30.0));
     let innovation = filter.water_track_innovation(&geometry, &sample);
     assert!(filter.update(&innovation, Sensor::WaterTrack).unwrap().was_used());
-    let east_mps = filter.water().unwrap().estimate()[CURRENT + 1];
+    let east_mps = filter.water_states().unwrap().estimate[CURRENT + 1];
     assert!((east_mps + 5.0).abs() < 0.2, "{east_mps}");
     assert!((filter.velocity().0 - Vector3::new(2.0, 0.0, 0.0)).norm() < 0.1);
 }

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::Eskf;
-use crate::aiding::current_layers::{CurrentAt, Layer};
-use crate::aiding::further::FIRST_WATER;
+use crate::aiding::current_layers::{CurrentAt, Layer, Water};
+use crate::aiding::further::block;
 use crate::aiding::water::{CURRENT, WaterCovariance};
 use crate::aiding::water_track::{WaterSample, cell_t_m, water_track_terms};
 use crate::aiding::{self, Innovation};
@@ -16,10 +16,17 @@ use crate::layout::ATTITUDE;
 pub type CurrentEstimate = (Vector2<f64>, Matrix2<f64>);
 
 impl Eskf {
-    /// The water states, at the time of the last update or propagation of the covariance.
+    /// What is known of the motion through the water beside the estimates of its states.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
         self.extensions.water.as_deref()
+    }
+
+    /// The water states as they are estimated, at the time of the last update or propagation of the covariance.
+    #[must_use]
+    pub fn water_states(&self) -> Option<Water<'_>> {
+        let further = self.extensions.further();
+        self.water().map(|water| further.water(water.layers()))
     }
 
     /// The current at the vehicle's depth, north and east, m/s, with its covariance about true north, (m/s)²: with the error of
@@ -52,18 +59,17 @@ impl Eskf {
     /// Covariance of the errors of the water states; `None` without them.
     #[must_use]
     pub fn water_covariance(&self) -> Option<WaterCovariance> {
-        self.water().map(|_| self.extensions.covariance_of(FIRST_WATER))
+        self.water().map(|_| self.extensions.covariance_of(block::WATER.first))
     }
 
     /// Beams that the water returned, as rows at the estimated current; no row without the current as states.
     pub(crate) fn water_track_innovation(&self, geometry: &BeamGeometry, sample: &WaterSample) -> Innovation {
-        let Some(water) = self.water() else {
+        let Some(water) = self.water_states() else {
             return Innovation::empty();
         };
         let turned = self.calibrated_geometry(geometry);
-        let current = (water.estimate(), water.layers());
         let terms = self.with_motion(|motion| {
-            water_track_terms(motion, &turned, current, sample, |relative| {
+            water_track_terms(motion, &turned, &water, sample, |relative| {
                 self.beam_terms_at(relative, geometry, &sample.ping)
             })
         });
@@ -101,8 +107,12 @@ impl Eskf {
     /// Takes note of the layers that a sample has measured.
     pub(crate) fn note_water(&mut self, geometry: &BeamGeometry, sample: &WaterSample) {
         let cells_m = self.cell_depths_m(geometry, sample);
-        if let Some(water) = self.extensions.water.as_deref_mut() {
-            cells_m.into_iter().for_each(|depth_m| water.note(depth_m));
+        let Some(water) = self.water_states() else {
+            return;
+        };
+        let measured: Vec<CurrentAt> = cells_m.into_iter().map(|depth_m| water.at(depth_m)).collect();
+        if let Some(layers) = self.extensions.water.as_deref_mut().and_then(WaterBlock::layers_mut) {
+            measured.iter().for_each(|at| layers.note(at));
         }
     }
 
@@ -110,7 +120,7 @@ impl Eskf {
     /// them.
     #[must_use]
     pub fn layers(&self) -> Vec<(Layer, CurrentEstimate)> {
-        let Some((water, layers)) = self.water().and_then(|water| Some((water, water.layers()?))) else {
+        let Some((water, layers)) = self.water_states().and_then(|water| Some((water, water.layers?))) else {
             return Vec::new();
         };
         let with_current = |layer: Layer| (layer, self.current_of(&water.at(layer.depth_m)));

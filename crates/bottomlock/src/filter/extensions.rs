@@ -2,20 +2,18 @@
 
 use nalgebra::{DMatrix, SMatrix, Vector3};
 
-use super::calibration::CalibrationBlock;
-use super::further_states::{FurtherStates, NONE, Update};
-use super::gauss_markov::GaussMarkovStates;
-use super::gyro_matrix::{GyroMatrix, MATRIX, Turned};
+use super::further_states::{FurtherStates, NONE};
+use super::further_update::Update;
+use super::gyro_matrix::{GyroMatrix, Turned};
+use super::mean_change::MeanChange;
 use super::options::Options;
 use super::tape::{Step, Tape, transition};
 use super::warm_up::WarmUp;
 use super::water_block::WaterBlock;
-use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::current_layers::LAYER_STATES;
-use crate::aiding::further::{
-    FIRST_ATTITUDE_ERROR, FIRST_CALIBRATION, FIRST_LAYERS, FIRST_WATER, FURTHER, FurtherVector,
-};
-use crate::aiding::water::{HEAVE, SWAY, WATER};
+use crate::aiding::further::{FURTHER, block};
+use crate::aiding::thrust::ThrustUse;
+use crate::aiding::water::{HEAVE, SWAY};
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::error_model::Interval;
 use crate::layout::{ATTITUDE, DIM, POSITION};
@@ -26,12 +24,10 @@ use crate::state::Covariance;
 /// Optional parts of a filter.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub(super) struct Extensions {
-    /// Covariances of all states beside the 20, where there are any.
+    /// All states beside the 20, where there are any.
     pub(super) further: Option<Box<FurtherStates>>,
-    /// Slow errors of sensors, and the motion.
-    pub(super) processes: Box<GaussMarkovStates>,
-    /// Mounting and clock of the DVL.
-    pub(super) calibration: Option<Box<CalibrationBlock>>,
+    /// Mean acceleration, where the clock of the DVL is unknown.
+    pub(super) change: Option<Box<MeanChange>>,
     /// Scale factors and misalignments of the gyros, where they are unknown.
     pub(super) gyros: Option<Box<GyroMatrix>>,
     /// Warm-up of the inertial sensors.
@@ -39,7 +35,7 @@ pub(super) struct Extensions {
     /// What both add to the covariance of the error state over the interval that is being propagated.
     #[serde(skip)]
     pub(super) added: Option<Box<Covariance>>,
-    /// States of the motion through the water.
+    /// What is known of the motion through the water, where it has states.
     pub(super) water: Option<Box<WaterBlock>>,
     /// Tape for a smoother; a saved filter has none.
     #[serde(skip)]
@@ -47,73 +43,84 @@ pub(super) struct Extensions {
 }
 
 impl Extensions {
-    /// Slow errors of the sensors, the motion, and mounting and clock of the DVL, at their priors.
+    /// All but the water states, at their priors.
     pub(super) fn new(model: &Model, options: &Options, kinematics: &Kinematics<f64>) -> Self {
-        let models = &model.sensors;
-        let calibration = CalibrationBlock::new(&options.calibration, kinematics);
         let mut extensions = Self {
             further: None,
-            processes: Box::new(GaussMarkovStates::new(models, options)),
-            calibration: calibration.map(Box::new),
+            change: None,
             gyros: GyroMatrix::new(&model.imu, kinematics).map(Box::new),
             warm_up: WarmUp::new(&model.imu),
             added: None,
             water: None,
             tape: None,
         };
-        extensions.begin();
+        let mut blocks = model.sensors.processes();
+        blocks.push(options.motion.processes());
+        blocks.push(options.calibration.processes());
+        blocks.extend(extensions.gyros.as_deref().map(GyroMatrix::processes));
+        if options.thrust != ThrustUse::Off {
+            blocks.push(model.sensors.thrust.processes());
+        }
+        for block in blocks {
+            if block.1.iter().any(|process| process.variance > 0.0) {
+                begun(&mut extensions.further).begin(&block);
+            }
+        }
+        if !options.calibration.is_off() {
+            let change = MeanChange::new(options.calibration.clock_sd_s, kinematics);
+            extensions.change = Some(Box::new(change));
+        }
         extensions
-    }
-
-    /// Begins all but the water states at their priors.
-    fn begin(&mut self) {
-        for block in self.processes.unknown() {
-            let variance = &self.processes.variance().as_slice()[block.clone()];
-            begun(&mut self.further).begin(block, variance);
-        }
-        if let Some(calibration) = &self.calibration {
-            let variance = calibration.prior_variance();
-            begun(&mut self.further).begin(FIRST_CALIBRATION..FIRST_ATTITUDE_ERROR, variance.as_slice());
-        }
-        if let Some(gyros) = &self.gyros {
-            begun(&mut self.further).begin(MATRIX, gyros.variance().as_slice());
-        }
     }
 
     /// Begins all but the water states anew, at a state.
     pub(super) fn restart(&mut self, kinematics: &Kinematics<f64>) {
-        self.processes.restart();
-        if let Some(calibration) = self.calibration.as_deref() {
-            self.calibration = calibration.restarted(kinematics).map(Box::new);
+        if let Some(further) = &mut self.further {
+            further.restart();
+        }
+        if let Some(change) = &mut self.change {
+            **change = change.restarted(kinematics);
         }
         if let Some(gyros) = &mut self.gyros {
             gyros.begin_interval(kinematics);
         }
-        self.begin();
     }
 
     /// Begins the water states at their prior, or ends them.
     pub(super) fn set_water(&mut self, water: Option<WaterBlock>) {
         if let Some(further) = &mut self.further {
-            further.end(&(FIRST_WATER..FIRST_LAYERS));
-            further.end(&(FIRST_LAYERS..FURTHER));
+            further.end(block::WATER);
+            further.end(block::LAYERS);
         }
         if let Some(water) = &water {
             let further = begun(&mut self.further);
-            further.begin(FIRST_WATER..FIRST_LAYERS, water.variance().as_slice());
+            further.begin(&(block::WATER, water.processes().to_vec()));
             if let Some(layers) = water.layers() {
-                further.begin(FIRST_LAYERS..FURTHER, layers.variance().as_slice());
+                further.begin(&(block::LAYERS, layers.processes(0.0).to_vec()));
             }
         }
         self.water = water.map(Box::new);
     }
 
-    /// Replaces the water states; the slips begin at their prior, the others keep their covariance.
+    /// Replaces what is known of the motion through the water but for the current's layers; the slips begin at their prior, the
+    /// other states stay.
     pub(super) fn set_slips(&mut self, water: WaterBlock) {
-        for slip in [SWAY, HEAVE] {
-            begun(&mut self.further).renew(FIRST_WATER + slip, water.variance()[slip]);
-        }
+        let water = match &self.water {
+            Some(before) => water.with_layers_of(before),
+            None => water,
+        };
         self.water = Some(Box::new(water));
+        self.note_water();
+        for slip in [SWAY, HEAVE] {
+            begun(&mut self.further).renew(block::WATER.first + slip);
+        }
+    }
+
+    /// Takes note of what the slips have learnt.
+    pub(super) fn note_water(&mut self) {
+        if let (Some(water), Some(further)) = (&self.water, &mut self.further) {
+            further.set(block::WATER, &water.processes());
+        }
     }
 
     /// Moves the current's layers to enclose two depths, as far as there is room; those that come to other depths begin anew.
@@ -126,11 +133,18 @@ impl Extensions {
         if anew.is_empty() {
             return;
         }
+        let processes = layers.processes(0.0);
+        begun(&mut self.further).set(block::LAYERS, &processes);
         let first = states - LAYER_STATES;
         let mut moves = DMatrix::identity(states, states);
         for (one, axis) in anew.iter().flat_map(|one| [(one, 0), (one, 1)]) {
             let (state, from) = (2 * one.place + axis, 2 * one.neighbour + axis);
-            begun(&mut self.further).follow(FIRST_LAYERS + state, FIRST_LAYERS + from, one.factor, one.variance);
+            begun(&mut self.further).follow(
+                block::LAYERS.first + state,
+                block::LAYERS.first + from,
+                one.factor,
+                one.variance,
+            );
             let followed = moves.row(first + from) * one.factor;
             moves.set_row(first + state, &followed);
         }
@@ -139,7 +153,7 @@ impl Extensions {
         }
     }
 
-    /// Covariances of all states beside the 20.
+    /// The states beside the 20.
     pub(super) fn further(&self) -> &FurtherStates {
         self.further.as_deref().unwrap_or(&NONE)
     }
@@ -151,8 +165,8 @@ impl Extensions {
 
     /// The state has been corrected.
     pub(super) fn begin_interval(&mut self, kinematics: &Kinematics<f64>) {
-        if let Some(calibration) = &mut self.calibration {
-            calibration.begin_interval(kinematics);
+        if let Some(change) = &mut self.change {
+            change.begin(kinematics);
         }
         if let Some(gyros) = &mut self.gyros {
             gyros.begin_interval(kinematics);
@@ -183,33 +197,14 @@ impl Extensions {
         self.further().is_empty() && self.tape.is_none() && self.warm_up.is_none()
     }
 
-    /// Fraction of the error of each further state that is left after `duration_s` at the velocity of `end`.
-    pub(super) fn left(&self, duration_s: f64, end: &Kinematics<f64>) -> FurtherVector {
-        let mut left = self.processes.left(duration_s);
-        if let Some(water) = &self.water {
-            left.fixed_rows_mut::<WATER>(FIRST_WATER)
-                .copy_from(&water.decay(duration_s));
-            if let Some(layers) = water.layers() {
-                let speed_mps = Vector3::from(end.velocity_p_mps).norm();
-                left.fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
-                    .copy_from(&layers.left(duration_s, speed_mps * duration_s));
-            }
+    /// Takes note of how fast the states change over an interval that ends at `end`.
+    fn note_processes(&mut self, end: &Kinematics<f64>) {
+        self.note_water();
+        let layers = self.water.as_ref().and_then(|water| water.layers());
+        if let (Some(layers), Some(further)) = (layers, &mut self.further) {
+            let speed_mps = Vector3::from(end.velocity_p_mps).norm();
+            further.set(block::LAYERS, &layers.processes(speed_mps));
         }
-        left
-    }
-
-    /// Variance of each further state in the long run; zero for a constant of the DVL's mounting and for a state that is none.
-    pub(super) fn steady(&self) -> FurtherVector {
-        let mut steady = *self.processes.variance();
-        if let Some(water) = &self.water {
-            steady.fixed_rows_mut::<WATER>(FIRST_WATER).copy_from(water.variance());
-            if let Some(layers) = water.layers() {
-                steady
-                    .fixed_rows_mut::<LAYER_STATES>(FIRST_LAYERS)
-                    .copy_from(&layers.variance());
-            }
-        }
-        steady
     }
 
     /// What the gyros' scale factors and misalignments add over an interval that ends at `end`.
@@ -220,6 +215,7 @@ impl Extensions {
 
     /// Records and propagates an interval of the error state that ends at `end`.
     pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
+        self.note_processes(end);
         if self.tape.is_some() {
             let whole = transition(interval, end, earth, self);
             if let Some(tape) = &mut self.tape {
@@ -236,20 +232,14 @@ impl Extensions {
             return;
         }
         let turned = self.turned(interval, end, earth);
-        let left = self.left(duration_s, end);
-        let (steady, wave_turn) = (self.steady(), self.processes.wave_turn(duration_s));
-        self.processes.propagate(duration_s, &left);
-        if let Some(calibration) = &mut self.calibration {
-            calibration.extend(duration_s, end);
+        if let Some(change) = &mut self.change {
+            change.extend(duration_s, end);
         }
         if let Some(water) = &mut self.water {
-            water.propagate(duration_s, &left.fixed_rows::<WATER>(FIRST_WATER).into_owned());
-            if let Some(layers) = water.layers_mut() {
-                layers.propagate(duration_s, &left.fixed_rows::<LAYER_STATES>(FIRST_LAYERS).into_owned());
-            }
+            water.wait(duration_s);
         }
         if let Some(further) = &mut self.further {
-            further.propagate(interval, end, earth, &left, &steady, wave_turn.as_ref());
+            further.propagate(interval, end, earth);
             if let Some(turned) = turned {
                 **self.added.get_or_insert_default() += further.consider(&turned);
             }
@@ -271,22 +261,8 @@ impl Extensions {
             return SMatrix::zeros();
         };
         let gain = further.update(update, innovation);
-        self.inject(yaw_rad, &(gain.transpose() * update.z));
+        further.inject(yaw_rad, &(gain.transpose() * update.z));
         gain
-    }
-
-    /// Adds an error of the further states to their estimates, with the yaw that is corrected.
-    fn inject(&mut self, yaw_rad: f64, error: &FurtherVector) {
-        self.processes.inject(error);
-        if let Some(calibration) = &mut self.calibration {
-            calibration.inject(&error.fixed_rows::<CALIBRATION>(FIRST_CALIBRATION).into_owned());
-        }
-        if let Some(water) = &mut self.water {
-            water.inject(yaw_rad, &error.fixed_rows::<WATER>(FIRST_WATER).into_owned());
-            if let Some(layers) = water.layers_mut() {
-                layers.inject(yaw_rad, &error.fixed_rows::<LAYER_STATES>(FIRST_LAYERS).into_owned());
-            }
-        }
     }
 
     /// Covariance of a block of further states.

@@ -48,8 +48,8 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     let mut numbers = filter.covariance().as_slice().to_vec();
     numbers.extend(filter.covariance.iter());
     numbers.extend(filter.kinematics.to_array());
-    if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter().chain(&filter.water_covariance().unwrap()));
+    if let Some(water) = filter.water_states() {
+        numbers.extend(water.estimate.iter().chain(&filter.water_covariance().unwrap()));
     }
     numbers.into_iter().map(f64::to_bits).collect()
 }

@@ -1,30 +1,29 @@
-//! All states beside the 20 of the error state: one covariance, and one covariance with the error state.
+//! All states beside the 20 of the error state: their estimates, one covariance, and one covariance with the error state.
 //!
-//! In an update they count as noise that is correlated with the error state, n = D_x δx + D_f δf + white noise, so the
-//! arithmetic of the 20 states is that of any update. With X the covariance of δx and δf, C that of δf, and z = H δx + n,
-//!
-//! ```text
-//! R  += D_f C D_fᵀ + D_x X D_fᵀ + (D_x X D_fᵀ)ᵀ,   E[δx nᵀ] += X D_fᵀ
-//! E[δf zᵀ] = Xᵀ (H + D_x)ᵀ + C D_fᵀ,               K_f = E[δf zᵀ] S⁻¹
-//! ```
+//! Most are slow errors of sensors. Readings that scatter by little may all be wrong by much: a depth is known to centimetres
+//! from one reading to the next, but tide, density and the sensor's own offset move all of them by decimetres; the yaw of a
+//! magnetic attitude reference scatters by a tenth of a degree about a value that iron and declination move by degrees. Taken
+//! for white noise such an error is averaged away in the covariance, and not in the world. The others belong to the vehicle's
+//! motion, to its drives and to the DVL's mounting and clock.
 //!
 //! Each is a constant or a first-order Gauss–Markov process, so that the transition is diagonal, but for the waves in a depth,
-//! whose two states turn into each other. What an estimate is and how a correction is added to it belongs to its block.
+//! whose two states turn into each other. A correction is added to the estimate, but for the mounting of the DVL, which it turns;
+//! and a current turns with the yaw that is corrected.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
-use nalgebra::{ArrayStorage, Cholesky, Const, Matrix2, SMatrix};
+use nalgebra::{ArrayStorage, Matrix2, Rotation2, SMatrix};
 
-use super::gyro_matrix::{MATRIX, Turned};
-use crate::aiding::further::{
-    DEPTH_WAVE, FIRST_DEPTH_WAVE, FURTHER, FURTHER_BLOCKS, FurtherRows, FurtherVector, GYRO_MATRIX,
-};
-use crate::aiding::{CorrectedPath, CorrelatedNoise, Innovation, MAX_ROWS};
-use crate::error::{NavError, require_finite_squares};
+use crate::aiding::CorrectedPath;
+use crate::aiding::calibration::{CALIBRATION, Calibration};
+use crate::aiding::current_layers::{LAYER_STATES, Layers, Water};
+use crate::aiding::further::{Block, DEPTH_WAVE, FURTHER, FurtherVector, Process, Processes, block};
+use crate::aiding::water::WATER;
+use crate::error::{NavError, require_finite, require_finite_squares, require_non_negative, require_positive};
 use crate::error_model::Interval;
 use crate::layout::DIM;
 use crate::mechanisation::{EarthTerms, Kinematics};
-use crate::state::Covariance;
 
 /// Covariances of the further states that a filter has.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -32,16 +31,25 @@ use crate::state::Covariance;
 pub(super) struct FurtherStates {
     /// Their blocks, in order.
     blocks: Vec<Range<usize>>,
+    /// Value at the start and, but for constants, in the long run.
+    mean: FurtherVector,
+    /// Variance at the start and in the long run.
+    variance: FurtherVector,
+    /// Correlation time, s; infinite for a constant.
+    time_s: FurtherVector,
+    estimate: FurtherVector,
     /// C.
-    covariance: SMatrix<f64, FURTHER, FURTHER>,
+    pub(super) covariance: SMatrix<f64, FURTHER, FURTHER>,
     /// X = E[δx δfᵀ].
-    cross: SMatrix<f64, DIM, FURTHER>,
+    pub(super) cross: SMatrix<f64, DIM, FURTHER>,
 }
 
 /// The same as saved: the numbers of the states that there are.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 struct Saved {
     blocks: Vec<Range<usize>>,
+    /// Mean, variance, correlation time and estimate of each.
+    processes: Vec<[f64; 4]>,
     covariance: Vec<f64>,
     cross: Vec<f64>,
 }
@@ -50,7 +58,12 @@ impl From<FurtherStates> for Saved {
     fn from(further: FurtherStates) -> Self {
         let states: Vec<usize> = further.states().collect();
         let pairs = states.iter().flat_map(|&k| states.iter().map(move |&i| (i, k)));
+        let process = |&k: &usize| {
+            let vectors = [&further.mean, &further.variance, &further.time_s, &further.estimate];
+            vectors.map(|vector| vector[k])
+        };
         Self {
+            processes: states.iter().map(process).collect(),
             covariance: pairs.map(|pair| further.covariance[pair]).collect(),
             cross: states
                 .iter()
@@ -66,12 +79,20 @@ impl TryFrom<Saved> for FurtherStates {
     fn try_from(saved: Saved) -> Result<Self, String> {
         let states: Vec<usize> = saved.blocks.iter().cloned().flatten().take(FURTHER + 1).collect();
         let count = states.len();
-        let fits = saved.covariance.len() == count * count && saved.cross.len() == DIM * count;
+        let fits = saved.processes.len() == count
+            && saved.covariance.len() == count * count
+            && saved.cross.len() == DIM * count;
         if !(fits && states.iter().all(|&k| k < FURTHER)) {
             return Err("numbers of further states that do not fit their blocks".to_owned());
         }
         let mut further = Self::none();
         for (column, &k) in states.iter().enumerate() {
+            [
+                further.mean[k],
+                further.variance[k],
+                further.time_s[k],
+                further.estimate[k],
+            ] = saved.processes[column];
             for (row, &i) in states.iter().enumerate() {
                 further.covariance[(i, k)] = saved.covariance[column * count + row];
             }
@@ -85,20 +106,6 @@ impl TryFrom<Saved> for FurtherStates {
     }
 }
 
-/// Matrices of the error state's update.
-pub(super) struct Update<'a, const M: usize> {
-    /// Innovation.
-    pub(super) z: &'a SMatrix<f64, M, 1>,
-    /// Innovation covariance.
-    pub(super) s: &'a SMatrix<f64, M, M>,
-    /// Cholesky factor of the innovation covariance.
-    pub(super) factor: &'a Cholesky<f64, Const<M>>,
-    /// E[δx zᵀ].
-    pub(super) cross_covariance: &'a SMatrix<f64, DIM, M>,
-    /// Gain K = E[δx zᵀ] S⁻¹.
-    pub(super) gain: &'a SMatrix<f64, DIM, M>,
-}
-
 /// No further state.
 pub(super) static NONE: FurtherStates = FurtherStates::none();
 
@@ -107,25 +114,42 @@ impl FurtherStates {
     pub(super) const fn none() -> Self {
         Self {
             blocks: Vec::new(),
+            mean: vector(0.0),
+            variance: vector(0.0),
+            time_s: vector(f64::INFINITY),
+            estimate: vector(0.0),
             covariance: SMatrix::from_array_storage(ArrayStorage([[0.0; FURTHER]; FURTHER])),
             cross: SMatrix::from_array_storage(ArrayStorage([[0.0; DIM]; FURTHER])),
         }
     }
 
-    /// Begins a block, or begins it anew: independent of all others, with these variances.
-    pub(super) fn begin(&mut self, block: Range<usize>, variance: &[f64]) {
-        self.end(&block);
-        for (k, variance) in block.clone().zip(variance) {
-            self.covariance[(k, k)] = *variance;
-        }
-        self.blocks.push(block);
+    /// Begins a block, or begins it anew: independent of all others.
+    pub(super) fn begin(&mut self, (block, processes): &Processes) {
+        self.end(*block);
+        self.set(*block, processes);
+        self.blocks.push(block.range());
         self.blocks.sort_by_key(|block| block.start);
+        block.range().for_each(|k| self.renew(k));
     }
 
-    /// Begins a state of a block anew: independent of all others, with this variance.
-    pub(super) fn renew(&mut self, state: usize, variance: f64) {
+    /// Begins every block but those of the water anew.
+    pub(super) fn restart(&mut self) {
+        let states: Vec<usize> = self.states().filter(|&k| k < block::WATER.first).collect();
+        states.into_iter().for_each(|k| self.renew(k));
+    }
+
+    /// Replaces the processes of a block; estimates and covariances stay.
+    pub(super) fn set(&mut self, block: Block, processes: &[Process]) {
+        for (k, process) in block.range().zip(processes) {
+            (self.mean[k], self.variance[k], self.time_s[k]) = (process.mean, process.variance, process.time_s);
+        }
+    }
+
+    /// Begins a state of a block anew: independent of all others, at the start of its process.
+    pub(super) fn renew(&mut self, state: usize) {
         self.clear(state);
-        self.covariance[(state, state)] = variance;
+        self.estimate[state] = self.mean[state];
+        self.covariance[(state, state)] = self.variance[state];
     }
 
     /// Begins a state of a block anew: so much of another one, and an independent part with this variance.
@@ -133,6 +157,7 @@ impl FurtherStates {
         let cross = self.cross.column(other) * factor;
         let mut covariance = self.covariance.column(other) * factor;
         covariance[state] = covariance[other] * factor + variance;
+        self.estimate[state] = self.estimate[other] * factor;
         self.cross.column_mut(state).copy_from(&cross);
         self.covariance.column_mut(state).copy_from(&covariance);
         self.covariance.row_mut(state).tr_copy_from(&covariance);
@@ -145,9 +170,111 @@ impl FurtherStates {
     }
 
     /// Ends a block, if there is one.
-    pub(super) fn end(&mut self, block: &Range<usize>) {
-        self.blocks.retain(|other| other != block);
-        block.clone().for_each(|k| self.clear(k));
+    pub(super) fn end(&mut self, block: Block) {
+        self.blocks.retain(|other| *other != block.range());
+        self.set(block, &vec![Process::constant(0.0); block.count]);
+        for k in block.range() {
+            self.estimate[k] = 0.0;
+            self.clear(k);
+        }
+    }
+
+    /// Returns true if there is a block.
+    pub(super) fn has(&self, block: Block) -> bool {
+        self.blocks.contains(&block.range())
+    }
+
+    /// The estimates; zero for a state that there is not.
+    pub(super) fn estimate(&self) -> &FurtherVector {
+        &self.estimate
+    }
+
+    /// Variance of each state at the start and in the long run; zero for one that there is not.
+    pub(super) fn variance(&self) -> &FurtherVector {
+        &self.variance
+    }
+
+    /// Correlation time of each state, s; infinite for a constant.
+    pub(super) fn time_s(&self) -> &FurtherVector {
+        &self.time_s
+    }
+
+    /// How far an estimate is from that at the start, in sigmas at the start; 0 for one that is known.
+    pub(super) fn sigmas(&self, state: usize) -> f64 {
+        match self.variance[state] {
+            0.0 => 0.0,
+            variance => (self.estimate[state] - self.mean[state]).abs() / variance.sqrt(),
+        }
+    }
+
+    /// The estimates that are added to a reading as they are: what it contains of the others the reading's residual has already.
+    pub(super) fn added(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let is_added = |k: &usize| *k < block::WATER.first && !block::CALIBRATION.range().contains(k);
+        let with_estimate = self.states().filter(is_added).map(|k| (k, self.estimate[k]));
+        with_estimate.filter(|&(_, estimate)| estimate != 0.0)
+    }
+
+    /// Adds an error to the estimates, with the yaw that is corrected.
+    pub(super) fn inject(&mut self, yaw_rad: f64, error: &FurtherVector) {
+        let mut estimate = self.estimate + error;
+        if self.has(block::WATER) {
+            let mut water = self.water(None);
+            let of_layers = error.fixed_rows::<LAYER_STATES>(block::LAYERS.first);
+            water.inject(
+                yaw_rad,
+                &error.fixed_rows::<WATER>(block::WATER.first).into_owned(),
+                &of_layers.into_owned(),
+            );
+            estimate
+                .fixed_rows_mut::<WATER>(block::WATER.first)
+                .copy_from(&water.estimate);
+            estimate
+                .fixed_rows_mut::<LAYER_STATES>(block::LAYERS.first)
+                .copy_from(&water.by_layer);
+        }
+        if let Some(mut calibration) = self.calibration() {
+            let first = block::CALIBRATION.first;
+            calibration.inject(&error.fixed_rows::<CALIBRATION>(first).into_owned());
+            estimate
+                .fixed_rows_mut::<CALIBRATION>(first)
+                .copy_from(&calibration.numbers());
+        }
+        self.estimate = estimate;
+    }
+
+    /// The water states, with the current's layers.
+    pub(super) fn water<'a>(&self, layers: Option<&'a Layers>) -> Water<'a> {
+        Water {
+            estimate: self.estimate.fixed_rows::<WATER>(block::WATER.first).into_owned(),
+            layers,
+            by_layer: self
+                .estimate
+                .fixed_rows::<LAYER_STATES>(block::LAYERS.first)
+                .into_owned(),
+        }
+    }
+
+    /// Mounting and clock of the DVL, where they are estimated.
+    pub(super) fn calibration(&self) -> Option<Calibration> {
+        let numbers = self.estimate.fixed_rows::<CALIBRATION>(block::CALIBRATION.first);
+        self.has(block::CALIBRATION)
+            .then(|| Calibration::of(&numbers.into_owned()))
+    }
+
+    /// Fraction of the error of each state that is left after `duration_s`.
+    pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
+        let mut left = FurtherVector::repeat(1.0);
+        for k in self.states().filter(|&k| self.time_s[k] < f64::INFINITY) {
+            left[k] = (-duration_s / self.time_s[k]).exp();
+        }
+        left
+    }
+
+    /// How the two states of the waves turn into each other in `duration_s`; `None` where there are none.
+    pub(super) fn wave_turn(&self, duration_s: f64) -> Option<Matrix2<f64>> {
+        let period_s = self.time_s[block::DEPTH_WAVE.first];
+        self.has(block::DEPTH_WAVE)
+            .then(|| *Rotation2::new(TAU / period_s * duration_s).matrix())
     }
 
     /// Returns true if there is none.
@@ -175,115 +302,28 @@ impl FurtherStates {
         self.covariance[(state, state)] += variance;
     }
 
-    /// Adds what the further states add to the noise of rows with the Jacobian D_f.
-    pub(super) fn add_to(&self, innovation: &mut Innovation, rows: &FurtherRows) {
-        let (x, own) = self.by_rows(rows, innovation.rows);
-        innovation.noise += own;
-        if let Some(noise) = &mut innovation.correlated_noise {
-            let half = noise.by_state * x;
-            innovation.noise += half + half.transpose();
-            noise.by_further += rows;
-        } else {
-            innovation.correlated_noise = Some(Box::new(CorrelatedNoise {
-                by_further: *rows,
-                ..CorrelatedNoise::default()
-            }));
-        }
-        *innovation
-            .cross
-            .get_or_insert_with(|| Box::new(SMatrix::zeros()))
-            .as_mut() += x;
-    }
-
-    /// H E[δx nᵀ] and its transpose, and the covariance of n = D_f δf: what they add to S.
-    pub(super) fn added_to_innovation(
-        &self,
-        jacobian: &SMatrix<f64, MAX_ROWS, DIM>,
-        rows: &FurtherRows,
-    ) -> SMatrix<f64, MAX_ROWS, MAX_ROWS> {
-        let (x, own) = self.by_rows(rows, MAX_ROWS);
-        let half = jacobian * x;
-        own + half + half.transpose()
-    }
-
-    /// X D_fᵀ and D_f C D_fᵀ of the first rows of D_f.
-    fn by_rows(
-        &self,
-        rows: &FurtherRows,
-        count: usize,
-    ) -> (SMatrix<f64, DIM, MAX_ROWS>, SMatrix<f64, MAX_ROWS, MAX_ROWS>) {
-        let mut x = SMatrix::<f64, DIM, MAX_ROWS>::zeros();
-        let mut own = SMatrix::<f64, MAX_ROWS, MAX_ROWS>::zeros();
-        for row in 0..count {
-            let mut with_states = FurtherVector::zeros();
-            for k in self.states().filter(|&k| rows[(row, k)] != 0.0) {
-                x.column_mut(row).axpy(rows[(row, k)], &self.cross.column(k), 1.0);
-                for j in self.states() {
-                    with_states[j] += rows[(row, k)] * self.covariance[(j, k)];
-                }
-            }
-            for other in row..count {
-                let product = self.states().map(|j| rows[(other, j)] * with_states[j]).sum();
-                own[(row, other)] = product;
-                own[(other, row)] = product;
-            }
-        }
-        (x, own)
-    }
-
-    /// Adds to the covariances with the error state, which have been propagated, what the gyros' scale factors and misalignments
-    /// did over the interval; returns what they add to the covariance of the error state.
-    pub(super) fn consider(&mut self, turned: &Turned) -> Covariance {
-        let added = turned.added(&self.cross.fixed_columns(MATRIX.start).into_owned(), &self.of_matrix());
-        let covariance = self.covariance.fixed_rows::<GYRO_MATRIX>(MATRIX.start).into_owned();
-        self.cross += turned.times(&covariance);
-        added
-    }
-
-    /// What they add to the covariance of the error state over an interval that ends at `end`, over which nothing has been propagated.
-    pub(super) fn considered(
-        &self,
-        turned: &Turned,
-        interval: &Interval,
-        end: &Kinematics<f64>,
-        earth: &EarthTerms<f64>,
-    ) -> Covariance {
-        let mut cross = self.cross.fixed_columns(MATRIX.start).into_owned();
-        interval.carry(&mut cross.data.0, end, earth);
-        turned.added(&cross, &self.of_matrix())
-    }
-
-    /// Covariance of the gyros' scale factors and misalignments.
-    fn of_matrix(&self) -> SMatrix<f64, GYRO_MATRIX, GYRO_MATRIX> {
-        self.covariance
-            .fixed_view::<GYRO_MATRIX, GYRO_MATRIX>(MATRIX.start, MATRIX.start)
-            .into_owned()
-    }
-
-    /// Propagates over an interval of the error state that ends at `end`: each state keeps the fraction `left` of its error,
-    /// its variance tends to `steady`, and those of the waves turn.
-    pub(super) fn propagate(
-        &mut self,
-        interval: &Interval,
-        end: &Kinematics<f64>,
-        earth: &EarthTerms<f64>,
-        left: &FurtherVector,
-        steady: &FurtherVector,
-        wave_turn: Option<&Matrix2<f64>>,
-    ) {
+    /// Propagates over an interval of the error state that ends at `end`: each state keeps a fraction of its error, its variance
+    /// tends to that of the long run, and those of the waves turn.
+    pub(super) fn propagate(&mut self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) {
+        let left = self.left(interval.duration_s());
         for block in &self.blocks {
             interval.carry(&mut self.cross.data.0[block.clone()], end, earth);
         }
         let states: Vec<usize> = self.states().collect();
         for &k in &states {
+            if left[k] < 1.0 {
+                self.estimate[k] = self.mean[k] + (self.estimate[k] - self.mean[k]) * left[k];
+            }
             self.cross.column_mut(k).scale_mut(left[k]);
             for &i in &states {
                 self.covariance[(i, k)] *= left[i] * left[k];
             }
-            self.covariance[(k, k)] += (1.0 - left[k] * left[k]) * steady[k];
+            self.covariance[(k, k)] += (1.0 - left[k] * left[k]) * self.variance[k];
         }
-        if let Some(turn) = wave_turn {
-            let first = FIRST_DEPTH_WAVE;
+        if let Some(turn) = self.wave_turn(interval.duration_s()) {
+            let first = block::DEPTH_WAVE.first;
+            let turned = turn * self.estimate.fixed_rows::<DEPTH_WAVE>(first);
+            self.estimate.fixed_rows_mut::<DEPTH_WAVE>(first).copy_from(&turned);
             let cross = self.cross.fixed_columns::<DEPTH_WAVE>(first) * turn.transpose();
             self.cross.fixed_columns_mut::<DEPTH_WAVE>(first).copy_from(&cross);
             let columns = self.covariance.fixed_columns::<DEPTH_WAVE>(first) * turn.transpose();
@@ -293,53 +333,6 @@ impl FurtherStates {
             let rows = turn * self.covariance.fixed_rows::<DEPTH_WAVE>(first);
             self.covariance.fixed_rows_mut::<DEPTH_WAVE>(first).copy_from(&rows);
         }
-    }
-
-    /// Updates with an update of the error state; returns the gain, transposed, which is zero for a state that is none.
-    ///
-    /// The gain is zero too for a state that the rows do not correct.
-    pub(super) fn update<const M: usize>(
-        &mut self,
-        update: &Update<'_, M>,
-        innovation: &Innovation,
-    ) -> SMatrix<f64, M, FURTHER> {
-        let noise = innovation.correlated_noise.as_deref();
-        let mut h = innovation.jacobian.fixed_rows::<M>(0).into_owned();
-        if let Some(noise) = noise {
-            h += noise.by_state.fixed_rows::<M>(0);
-        }
-        let (mut x, mut gain, mut s_gain) = (
-            SMatrix::<f64, M, FURTHER>::zeros(),
-            SMatrix::<f64, M, FURTHER>::zeros(),
-            SMatrix::<f64, M, FURTHER>::zeros(),
-        );
-        let states: Vec<usize> = self.states().collect();
-        for &k in &states {
-            let mut own = h * self.cross.column(k);
-            if let Some(noise) = noise {
-                for &j in &states {
-                    own += noise.by_further.fixed_rows::<M>(0).column(j) * self.covariance[(j, k)];
-                }
-            }
-            x.set_column(k, &own);
-            if innovation.corrects.further_states().contains(&k) && !MATRIX.contains(&k) {
-                let solved = update.factor.solve(&own);
-                s_gain.set_column(k, &(update.s * solved));
-                gain.set_column(k, &solved);
-            }
-        }
-        // Joseph's form in S: an error of a gain enters squared.
-        for &k in &states {
-            let change = update.gain * (s_gain.column(k) - x.column(k)) - update.cross_covariance * gain.column(k);
-            let mut cross = self.cross.column_mut(k);
-            cross += change;
-            for &i in states.iter().take_while(|&&i| i <= k) {
-                let half = |a: usize, b: usize| gain.column(a).dot(&(s_gain.column(b) * 0.5 - x.column(b)));
-                self.covariance[(i, k)] += half(i, k) + half(k, i);
-                self.covariance[(k, i)] = self.covariance[(i, k)];
-            }
-        }
-        gain
     }
 
     /// Follows a move of the error state, δr ← A δr + B ρ.
@@ -352,7 +345,7 @@ impl FurtherStates {
     /// # Errors
     /// [`NavError`] that names the number.
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
-        let known = |block: &Range<usize>| FURTHER_BLOCKS.iter().any(|(_, range)| range == block);
+        let known = |range: &Range<usize>| block::ALL.iter().any(|block| block.range() == *range);
         let rising = self.blocks.windows(2).all(|pair| pair[0].end <= pair[1].start);
         if !(rising && self.blocks.iter().all(known)) {
             return Err(NavError::OutOfRange {
@@ -361,9 +354,23 @@ impl FurtherStates {
                 expected: "each at most once, in order",
             });
         }
+        let vectors = [&self.mean, &self.variance, &self.estimate];
+        vectors
+            .into_iter()
+            .try_for_each(|vector| require_finite("further states", time_ns, vector.as_slice()))?;
+        for k in self.states() {
+            require_non_negative("variance of a further state", self.variance[k])?;
+            if self.time_s[k] != f64::INFINITY {
+                require_positive("correlation time of a further state", self.time_s[k])?;
+            }
+        }
         require_finite_squares("covariance of further states", time_ns, self.covariance.as_slice())?;
         require_finite_squares("covariance of further states", time_ns, self.cross.as_slice())
     }
+}
+
+const fn vector(value: f64) -> FurtherVector {
+    FurtherVector::from_array_storage(ArrayStorage([[value; FURTHER]]))
 }
 
 #[cfg(test)]

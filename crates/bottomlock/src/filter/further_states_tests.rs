@@ -7,16 +7,17 @@ use super::*;
 use crate::aiding::attitude::{MagnetometerModel, attitude};
 use crate::aiding::calibration::CalibrationPrior;
 use crate::aiding::depth::{DepthModel, depth};
-use crate::aiding::further::{FIRST_ATTITUDE_ERROR, FIRST_WATER};
+use crate::aiding::further::FurtherRows;
 use crate::aiding::heading::{HeadingModel, heading};
 use crate::aiding::motion_prior::MotionPrior;
 use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
 use crate::aiding::thrust::{ThrustModel, ThrustSample, ThrustUse, thrust};
 use crate::aiding::water::{WATER, sway_row};
-use crate::aiding::{RowJacobian, tightly_coupled};
+use crate::aiding::{Innovation, RowJacobian, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
+use crate::filter::gyro_matrix::MATRIX;
 use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
@@ -156,7 +157,11 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
         }
     });
     let r = innovation.noise.view((0, 0), (m, m)).into_owned();
-    let z = (innovation.residual - rows * estimate).rows(0, m).into_owned();
+    let mut slow = *estimate;
+    for open in [block::CALIBRATION, block::WATER, block::LAYERS] {
+        slow.rows_range_mut(open.range()).fill(0.0);
+    }
+    let z = DVector::from_column_slice((innovation.residual - rows * slow).rows(0, m).as_slice());
     let mut gain = p * h.transpose() * (&h * p * h.transpose() + &r).try_inverse().unwrap();
     gain.rows_mut(DIM + MATRIX.start, MATRIX.len()).fill(0.0);
     let left = DMatrix::identity(ALL, ALL) - &gain * h;
@@ -172,16 +177,16 @@ fn updates_are_the_textbook_updates_of_all_states() {
         for kind in 0..8 {
             advance(&mut filter, 30);
             let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
-            let (p, before) = (filter.joint_covariance(), *filter.extensions.processes.estimate());
+            let (p, before) = (filter.joint_covariance(), *filter.extensions.further().estimate());
             let (expected, error) = updated(&p, &innovation, &before);
             filter.update(&innovation, sensor).unwrap();
             assert_close(&filter.joint_covariance(), &expected, 1e-9, sensor.name());
-            for k in super::super::gauss_markov::BLOCKS.into_iter().flatten() {
-                let after = filter.extensions.processes.estimate()[k];
+            for k in block::SLOW.into_iter().flat_map(Block::range) {
+                let after = filter.extensions.further().estimate()[k];
                 assert!((after - before[k] - error[DIM + k]).abs() < 1e-10, "{k}");
             }
         }
-        let water = *filter.water().unwrap().estimate();
+        let water = filter.water_states().unwrap().estimate;
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
         let mut begun = filter.clone();
         let added = begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
@@ -190,10 +195,10 @@ fn updates_are_the_textbook_updates_of_all_states() {
             .further
             .as_deref_mut()
             .unwrap()
-            .add_variance(FIRST_WATER + assumed.slip, added);
+            .add_variance(block::WATER.first + assumed.slip, added);
         let p = begun.joint_covariance();
         let mut rows = FurtherRows::zeros();
-        rows.fixed_view_mut::<1, WATER>(0, FIRST_WATER)
+        rows.fixed_view_mut::<1, WATER>(0, block::WATER.first)
             .copy_from(&assumed.by_water.transpose());
         let mut by_state = RowJacobian::zeros();
         by_state.set_row(0, &assumed.by_state.transpose());
@@ -207,7 +212,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
         filter.assume(&assumed, Sensor::Sway).unwrap();
         assert_close(&filter.joint_covariance(), &expected, 1e-9, "assumption");
     }
-    assert!(filter.extensions.further().covariance()[(FIRST_ATTITUDE_ERROR, FIRST_WATER)] != 0.0);
+    assert!(filter.extensions.further().covariance()[(block::ATTITUDE_ERROR.first, block::WATER.first)] != 0.0);
 }
 
 /// Over an interval with all states correlated: Φ P Φᵀ + Q of all states, with the transition that the tape records.
@@ -229,10 +234,10 @@ fn propagation_is_that_of_all_states() {
     };
     let after = filter.joint_covariance();
     let carried = phi * &before * phi.transpose();
-    let steady = filter.extensions.processes.variance();
-    for k in 0..FIRST_WATER {
+    let steady = filter.extensions.further().variance();
+    for k in 0..block::WATER.first {
         let left = phi.view((DIM + k, DIM), (1, FURTHER)).norm();
-        for i in (0..FIRST_WATER).filter(|&i| i != k) {
+        for i in (0..block::WATER.first).filter(|&i| i != k) {
             let gap = after[(DIM + i, DIM + k)] - carried[(DIM + i, DIM + k)];
             assert!(gap.abs() < 1e-13, "{i} {k}");
         }
@@ -265,22 +270,30 @@ fn a_depth_alone_leaves_the_further_states() {
 /// A block that begins, or begins anew, is independent of all others; one that ends is gone.
 #[test]
 fn blocks_begin_and_end() {
+    let begun = |block: Block, variances: &[f64]| {
+        let processes = variances.iter().map(|variance| Process::constant(variance.sqrt()));
+        (block, processes.collect())
+    };
     let mut further = FurtherStates::none();
     assert!(further.is_empty());
-    further.begin(3..5, &[2.0, 3.0]);
-    further.begin(0..1, &[1.0]);
-    assert_eq!(further.states().collect::<Vec<_>>(), [0, 3, 4]);
-    further.covariance[(0, 4)] = 0.5;
-    further.cross[(7, 4)] = 0.5;
-    further.begin(3..5, &[4.0, 5.0]);
+    further.begin(&begun(block::DEPTH_WAVE, &[4.0, 9.0]));
+    further.begin(&begun(block::DEPTH_BIAS, &[1.0]));
+    assert_eq!(further.states().collect::<Vec<_>>(), [0, 1, 2]);
+    further.covariance[(0, 2)] = 0.5;
+    further.cross[(7, 2)] = 0.5;
+    further.estimate[2] = 0.5;
+    further.begin(&begun(block::DEPTH_WAVE, &[16.0, 25.0]));
     assert_eq!(
-        further.covariance.diagonal().rows(0, 5),
-        DVector::from_vec(vec![1.0, 0.0, 0.0, 4.0, 5.0])
+        further.covariance.diagonal().rows(0, 4),
+        DVector::from_vec(vec![1.0, 16.0, 25.0, 0.0])
     );
-    assert_eq!((further.covariance[(0, 4)], further.cross.amax()), (0.0, 0.0));
-    further.end(&(3..5));
+    assert_eq!(
+        (further.covariance[(0, 2)], further.cross.amax(), further.estimate[2]),
+        (0.0, 0.0, 0.0)
+    );
+    further.end(block::DEPTH_WAVE);
     assert_eq!(further.states().collect::<Vec<_>>(), [0]);
-    assert_eq!(further.covariance.amax(), 1.0);
+    assert_eq!((further.covariance.amax(), further.variance.amax()), (1.0, 1.0));
 }
 
 /// Water states that start anew in a running filter are independent, and all others keep their correlations.
@@ -296,9 +309,9 @@ fn water_states_start_anew() {
     let water = WaterBlock::new(&options.water).with_layers(&options.current_layers);
     let anew = filter.with_water(Some(water));
     let after = anew.joint_covariance();
-    let kept = DIM + FIRST_WATER;
+    let kept = DIM + block::WATER.first;
     assert_eq!(after.view((0, 0), (kept, kept)), before.view((0, 0), (kept, kept)));
-    assert_eq!(after.view((0, kept), (kept, FURTHER - FIRST_WATER)).amax(), 0.0);
+    assert_eq!(after.view((0, kept), (kept, FURTHER - block::WATER.first)).amax(), 0.0);
     assert_eq!(anew.with_water(None).joint_covariance().nrows(), kept);
 }
 
@@ -310,10 +323,11 @@ fn saved_states_are_those_that_there_are() {
     filter.update(&innovation, sensor).unwrap();
     let further = filter.with_water(None).extensions.further().clone();
     let saved = Saved::from(further.clone());
-    assert_eq!(saved.cross.len(), FIRST_WATER * DIM);
+    assert_eq!(saved.cross.len(), block::WATER.first * DIM);
     assert_eq!(FurtherStates::try_from(saved.clone()), Ok(further));
-    let faults: [fn(&mut Saved); 3] = [
+    let faults: [fn(&mut Saved); 4] = [
         |saved| saved.blocks.push(0..usize::MAX),
+        |saved| saved.processes.truncate(3),
         |saved| saved.cross.truncate(3),
         |saved| saved.covariance.push(0.0),
     ];
@@ -328,7 +342,7 @@ fn saved_states_are_those_that_there_are() {
 #[test]
 fn moves_with_the_path() {
     let mut further = FurtherStates::none();
-    further.begin(0..1, &[1.0]);
+    further.begin(&(block::DEPTH_BIAS, vec![Process::constant(1.0)]));
     further.cross = SMatrix::from_fn(|i, j| (i as f64 + 2.0 * j as f64 + 1.0) * 1e-3);
     let before = further.cross;
     let by = Matrix3::new(0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 5.0, 0.0, 0.0);
@@ -350,10 +364,13 @@ fn moves_with_the_path() {
 #[test]
 fn restored_numbers_are_checked() {
     let mut good = FurtherStates::none();
-    good.begin(FURTHER_BLOCKS[0].1.clone(), &[1.0]);
-    good.begin(FURTHER_BLOCKS[2].1.clone(), &[1.0; 6]);
+    good.begin(&(block::DEPTH_BIAS, vec![Process::lasting(1.0, 50.0)]));
+    good.begin(&(block::DEPTH_WAVE, vec![Process::lasting(1.0, 8.0); 2]));
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut FurtherStates); 5] = [
+    let faults: [fn(&mut FurtherStates); 8] = [
+        |further| further.mean[0] = f64::NAN,
+        |further| further.estimate[1] = f64::INFINITY,
+        |further| (further.variance[1], further.time_s[2]) = (1.0, 0.0),
         |further| further.covariance[(2, 1)] = f64::NAN,
         |further| further.cross[(3, 1)] = f64::INFINITY,
         |further| further.blocks.push(FURTHER..FURTHER + 9),

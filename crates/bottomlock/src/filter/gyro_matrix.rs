@@ -15,9 +15,9 @@
 
 use std::ops::Range;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, Vector3};
 
-use crate::aiding::further::{FIRST_GYRO_MATRIX, FIRST_MOTION, GYRO_MATRIX};
+use crate::aiding::further::{GYRO_MATRIX, Process, Processes, block};
 use crate::error::{NavError, require_non_negative};
 use crate::error_model::Interval;
 use crate::frames::{Platform, Rot, Tangent};
@@ -27,7 +27,7 @@ use crate::model::ImuModel;
 use crate::state::Covariance;
 
 /// The states of M among the further ones.
-pub(super) const MATRIX: Range<usize> = FIRST_GYRO_MATRIX..FIRST_MOTION;
+pub(super) const MATRIX: Range<usize> = block::GYRO_MATRIX.range();
 
 /// What is known of M, and the attitude at the start of the interval.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -57,10 +57,19 @@ impl GyroMatrix {
         })
     }
 
-    /// Variances of M by rows.
-    pub(super) fn variance(&self) -> SVector<f64, GYRO_MATRIX> {
-        let [scale, other] = [self.scale_sd, self.misalignment_sd_rad].map(|sd| sd * sd);
-        SVector::from_fn(|k, _| if k / 3 == k % 3 { scale } else { other })
+    /// The matrix by rows.
+    pub(super) fn processes(&self) -> Processes {
+        let sd = |k: usize| {
+            if k / 3 == k % 3 {
+                self.scale_sd
+            } else {
+                self.misalignment_sd_rad
+            }
+        };
+        (
+            block::GYRO_MATRIX,
+            (0..GYRO_MATRIX).map(|k| Process::constant(sd(k))).collect(),
+        )
     }
 
     /// An interval begins, since the state has been corrected or the covariance has been propagated.

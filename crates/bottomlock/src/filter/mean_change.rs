@@ -42,6 +42,11 @@ impl MeanChange {
         change
     }
 
+    /// The same anew.
+    pub(super) fn restarted(&self, kinematics: &Kinematics<f64>) -> Self {
+        Self::new(self.window_s, kinematics)
+    }
+
     /// The state has been corrected: what comes is counted from the new one.
     pub(super) fn begin(&mut self, kinematics: &Kinematics<f64>) {
         self.velocity_p_mps = Vector3::from(kinematics.velocity_p_mps);

@@ -3,7 +3,6 @@
 mod assume;
 mod bridge;
 mod calibrated;
-mod calibration;
 pub(crate) mod charge;
 mod corrected_path;
 pub mod current;
@@ -12,8 +11,8 @@ pub(crate) mod evidence;
 mod extensions;
 pub mod filter_group;
 mod further_states;
+mod further_update;
 pub mod gate;
-mod gauss_markov;
 mod gyro_matrix;
 mod joseph;
 #[cfg(test)]
@@ -221,7 +220,7 @@ impl Eskf {
             0.0
         };
         let level = self.settings.earth.level(&state.position_t_m);
-        let water = self.water().map(|water| water.at(level.depth_m));
+        let water = self.water_states().map(|water| water.at(level.depth_m));
         Motion {
             state,
             rate_ip_p_radps: self.last_rate_p_radps - state.gyro_bias_p_radps.0,

@@ -85,13 +85,13 @@ impl Eskf {
             require_plausible(field, time_ns, values, limit, LOST)?;
         }
         require_finite_squares("covariance", time_ns, self.covariance.as_slice())?;
-        let further = self.extensions.further().covariance();
-        require_finite_squares("covariance of the further states", time_ns, further.as_slice())?;
-        if let Some(water) = self.water() {
-            require_finite("water states", time_ns, water.estimate().as_slice())?;
-        }
-        let slow = self.extensions.processes.estimate();
-        require_finite("slow errors and motion", time_ns, slow.as_slice())
+        let further = self.extensions.further();
+        require_finite_squares(
+            "covariance of the further states",
+            time_ns,
+            further.covariance().as_slice(),
+        )?;
+        require_finite("further states", time_ns, further.estimate().as_slice())
     }
 
     /// Checks what does not change: noise and environment.

@@ -51,8 +51,8 @@ fn held(filter: &Eskf) -> Vec<u64> {
     numbers.extend(filter.last_rate_p_radps.iter());
     numbers.extend([filter.last_step_s, filter.interval.duration_s()]);
     numbers.extend(filter.velocity().1.iter());
-    if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter());
+    if let Some(water) = filter.water_states() {
+        numbers.extend(water.estimate.iter());
         let further = filter.extensions.further();
         numbers.extend(further.covariance().iter().chain(further.cross()));
     }
@@ -155,7 +155,7 @@ fn the_period_decides_the_order() {
 fn others_are_brought_up_to_date() {
     let mut filter = filter(100_000_000, Sampling::Instantaneous, true);
     let samples = samples(4);
-    let water = *filter.water().unwrap().estimate();
+    let water = filter.water_states().unwrap().estimate;
     let assumed = filter.with_motion(|motion| crate::aiding::water::sway_row(motion, &water));
     filter.assume(&assumed, crate::filter::report::Sensor::Sway).unwrap();
     filter.predict_along(&samples).unwrap();
@@ -163,7 +163,11 @@ fn others_are_brought_up_to_date() {
     let last = samples[3].time_ns as f64 * 1e-9;
     filter.propagate_covariance();
     let (after, prior) = (filter.water_covariance().unwrap(), WaterPrior::default());
-    let (left, variance) = (prior.decay(last), prior.variance());
+    let processes = prior.processes();
+    let (left, variance) = (
+        processes.map(|process| process.left(last)),
+        processes.map(|process| process.variance),
+    );
     assert!(before[(5, 5)] != variance[5] || before[(0, 0)] != variance[0]);
     for k in 0..variance.len() {
         let expected = before[(k, k)] * left[k] * left[k] + (1.0 - left[k] * left[k]) * variance[k];

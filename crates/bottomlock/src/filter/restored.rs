@@ -37,9 +37,8 @@ impl Eskf {
             .try_for_each(|(field, value)| require_non_negative(field, value))?;
         self.evidence.check_restored(time_ns)?;
         self.extensions.further().check_restored(time_ns)?;
-        self.extensions.processes.check_restored(time_ns)?;
-        if let Some(calibration) = &self.extensions.calibration {
-            calibration.check_restored(time_ns)?;
+        if let Some(change) = &self.extensions.change {
+            change.check_restored(time_ns)?;
         }
         if let Some(gyros) = &self.extensions.gyros {
             gyros.check_restored()?;

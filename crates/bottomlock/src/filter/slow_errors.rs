@@ -2,63 +2,54 @@
 
 use super::Eskf;
 use crate::aiding::deviation::harmonics;
-use crate::aiding::further::{
-    DEPTH_BIAS, DEVIATION, FIRST_ATTITUDE_DEVIATION, FIRST_ATTITUDE_ERROR, FIRST_HEADING_DEVIATION,
-    FIRST_HEADING_ERROR, FURTHER_BLOCKS,
-};
+use crate::aiding::further::{Block, DEVIATION, block};
 
 impl Eskf {
     /// Estimate and standard deviation of the depth sensor's bias, m; `None` for a sensor without bias.
     #[must_use]
     pub fn depth_bias_m(&self) -> Option<(f64, f64)> {
-        let has_bias = self.extensions.processes.variance()[DEPTH_BIAS] > 0.0;
-        has_bias.then(|| self.slow_error(&[(DEPTH_BIAS, 1.0)]))
+        let has_bias = self.extensions.further().has(block::DEPTH_BIAS);
+        has_bias.then(|| self.slow_error(&[(block::DEPTH_BIAS.first, 1.0)]))
     }
 
     /// Estimated error of the attitude reference in roll, pitch and yaw, offset, walk and deviation together, with its standard
     /// deviation, rad; `None` where it is not estimated.
     #[must_use]
     pub fn attitude_error_rad(&self) -> Option<[(f64, f64); 3]> {
-        let first = FIRST_ATTITUDE_ERROR;
+        let first = block::ATTITUDE_ERROR.first;
         let of_angle = |axis: usize| [(first + axis, 1.0), (first + 3 + axis, 1.0)];
-        self.estimates(&[first, FIRST_ATTITUDE_DEVIATION]).then(|| {
-            let yaw = [&of_angle(2)[..], &self.deviation(FIRST_ATTITUDE_DEVIATION)].concat();
-            [&of_angle(0)[..], &of_angle(1), &yaw].map(|states| self.slow_error(states))
-        })
+        self.estimates([block::ATTITUDE_ERROR, block::ATTITUDE_DEVIATION])
+            .then(|| {
+                let yaw = [&of_angle(2)[..], &self.deviation(block::ATTITUDE_DEVIATION.first)].concat();
+                [&of_angle(0)[..], &of_angle(1), &yaw].map(|states| self.slow_error(states))
+            })
     }
 
     /// Estimated error of the heading sensor, offset, walk and deviation together, with its standard deviation, rad; `None` where
     /// it is not estimated.
     #[must_use]
     pub fn heading_error_rad(&self) -> Option<(f64, f64)> {
-        let first = FIRST_HEADING_ERROR;
-        self.estimates(&[first, FIRST_HEADING_DEVIATION]).then(|| {
-            let slow = [(first, 1.0), (first + 1, 1.0)];
-            self.slow_error(&[&slow[..], &self.deviation(FIRST_HEADING_DEVIATION)].concat())
-        })
+        let first = block::HEADING_ERROR.first;
+        self.estimates([block::HEADING_ERROR, block::HEADING_DEVIATION])
+            .then(|| {
+                let slow = [(first, 1.0), (first + 1, 1.0)];
+                self.slow_error(&[&slow[..], &self.deviation(block::HEADING_DEVIATION.first)].concat())
+            })
     }
 
-    /// Each block of slow errors of sensors by its name in [`FURTHER_BLOCKS`], with the largest estimate of one of its states in
+    /// Each block of slow errors of sensors by its name in [`block::SLOW`], with the largest estimate of one of its states in
     /// sigmas of its prior.
     #[must_use]
     pub fn slow_errors(&self) -> Vec<(&'static str, f64)> {
-        let processes = &self.extensions.processes;
-        let sigmas = |k: usize| match processes.variance()[k] {
-            0.0 => 0.0,
-            variance => processes.error()[k].abs() / variance.sqrt(),
-        };
-        let blocks = FURTHER_BLOCKS
-            .into_iter()
-            .filter(|(_, block)| processes.unknown().any(|one| one == *block));
-        blocks
-            .map(|(name, block)| (name, block.map(sigmas).fold(0.0, f64::max)))
-            .collect()
+        let further = self.extensions.further();
+        let blocks = block::SLOW.into_iter().filter(|&block| further.has(block));
+        let largest = |block: Block| block.range().map(|k| further.sigmas(k)).fold(0.0, f64::max);
+        blocks.map(|block| (block.name, largest(block))).collect()
     }
 
-    /// Whether the filter has one of the blocks of slow errors.
-    fn estimates(&self, blocks: &[usize]) -> bool {
-        let mut unknown = self.extensions.processes.unknown();
-        unknown.any(|block| blocks.contains(&block.start))
+    /// Whether the filter has one of the blocks.
+    fn estimates(&self, blocks: [Block; 2]) -> bool {
+        blocks.into_iter().any(|block| self.extensions.further().has(block))
     }
 
     /// The states of a deviation, with what each adds to the yaw.
@@ -72,7 +63,7 @@ impl Eskf {
     /// Estimate and standard deviation of a weighted sum of slow errors.
     fn slow_error(&self, states: &[(usize, f64)]) -> (f64, f64) {
         let (estimate, covariance) = (
-            self.extensions.processes.estimate(),
+            self.extensions.further().estimate(),
             self.extensions.further().covariance(),
         );
         let pairs = states
@@ -83,3 +74,7 @@ impl Eskf {
         (sum, variance.max(0.0).sqrt())
     }
 }
+
+#[cfg(test)]
+#[path = "slow_errors_tests.rs"]
+mod tests;

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 
 use super::Eskf;
 use super::extensions::Extensions;
-use super::further_states::Update;
+use super::further_update::Update;
 use super::gyro_matrix::MATRIX;
-use crate::aiding::further::{DEPTH_WAVE, FIRST_DEPTH_WAVE, FURTHER, GYRO_MATRIX};
+use crate::aiding::further::{DEPTH_WAVE, FURTHER, GYRO_MATRIX, block};
 use crate::aiding::{Corrects, Innovation};
 use crate::error_model::Interval;
 use crate::layout::DIM;
@@ -141,8 +141,7 @@ impl Eskf {
     pub(super) fn joint_covariance(&self) -> DMatrix<f64> {
         let mut extensions = Extensions {
             further: self.extensions.further.clone(),
-            processes: self.extensions.processes.clone(),
-            calibration: self.extensions.calibration.clone(),
+            change: self.extensions.change.clone(),
             gyros: self.extensions.gyros.clone(),
             warm_up: None,
             added: None,
@@ -180,14 +179,14 @@ pub(super) fn transition(
     interval.carry(&mut phi.data.0, end, earth);
     let mut whole = DMatrix::identity(states, states);
     whole.view_mut((0, 0), (DIM, DIM)).copy_from(&phi);
-    let left = extensions.left(interval.duration_s(), end);
+    let left = extensions.further().left(interval.duration_s());
     for (at, k) in (DIM..).zip(extensions.further().states()) {
         whole[(at, at)] = left[k];
     }
     let place = |state: usize| DIM + extensions.further().states().take_while(|&k| k < state).count();
-    if let Some(turn) = extensions.processes.wave_turn(interval.duration_s()) {
-        let first = place(FIRST_DEPTH_WAVE);
-        let turned = turn * left[FIRST_DEPTH_WAVE];
+    if let Some(turn) = extensions.further().wave_turn(interval.duration_s()) {
+        let first = place(block::DEPTH_WAVE.first);
+        let turned = turn * left[block::DEPTH_WAVE.first];
         whole
             .fixed_view_mut::<DEPTH_WAVE, DEPTH_WAVE>(first, first)
             .copy_from(&turned);

@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::Eskf;
 use super::joseph::PredictedInnovation;
-use crate::aiding::further::FIRST_THRUST;
+use crate::aiding::further::block;
 use crate::aiding::registry::{Levers, Measurement, Sensor};
 use crate::aiding::thrust::{SCALE, SLIP, THRUST, thrust_axis};
 use crate::aiding::{Corrects, Innovation};
@@ -28,8 +28,8 @@ impl SpeedStates {
     /// Those of a report; `None` for one that says no speed through the water by what drives the vehicle.
     pub(crate) fn of(sensor: Sensor) -> Option<Self> {
         thrust_axis(sensor).map(|axis| Self {
-            scale: FIRST_THRUST + SCALE + axis,
-            slip: FIRST_THRUST + SLIP + axis,
+            scale: block::THRUST.first + SCALE + axis,
+            slip: block::THRUST.first + SLIP + axis,
         })
     }
 }
@@ -42,11 +42,13 @@ impl Eskf {
     /// where they are not estimated.
     #[must_use]
     pub fn thrust(&self) -> Option<(SVector<f64, THRUST>, SMatrix<f64, THRUST, THRUST>)> {
-        let processes = &self.extensions.processes;
-        let is_estimated = processes.unknown().any(|block| block.start == FIRST_THRUST);
-        is_estimated.then(|| {
-            let estimate = processes.estimate().fixed_rows::<THRUST>(FIRST_THRUST).into_owned();
-            (estimate, self.extensions.covariance_of(FIRST_THRUST))
+        let further = self.extensions.further();
+        further.has(block::THRUST).then(|| {
+            let estimate = further
+                .estimate()
+                .fixed_rows::<THRUST>(block::THRUST.first)
+                .into_owned();
+            (estimate, self.extensions.covariance_of(block::THRUST.first))
         })
     }
 
@@ -67,7 +69,7 @@ impl Eskf {
     ) -> Innovation {
         let innovation = self.with_motion(|motion| measurement.innovation(sensor, motion, levers));
         match SpeedStates::of(sensor) {
-            Some(states) if self.extensions.processes.variance()[states.slip] == 0.0 => Innovation::empty(),
+            Some(states) if self.extensions.further().variance()[states.slip] == 0.0 => Innovation::empty(),
             Some(states) => self.without_slip(&states, innovation, corrects),
             None => innovation,
         }
@@ -76,7 +78,7 @@ impl Eskf {
     /// The innovation of a speed by the drives with the column of the scale without slip and noise, and with the states that it
     /// corrects; [`Eskf::prepare_for_thrust`] has gone before.
     fn without_slip(&self, states: &SpeedStates, innovation: Innovation, corrects: Corrects) -> Innovation {
-        let scale = self.extensions.processes.estimate()[states.scale];
+        let scale = self.extensions.further().estimate()[states.scale];
         let found = self.with_further_noise(&innovation).and_then(|whole| {
             let s = PredictedInnovation::<1>::of(&self.covariance, &whole)?.s[(0, 0)];
             let slip = self.extensions.further().covariance()[(states.slip, states.slip)];
@@ -92,18 +94,6 @@ impl Eskf {
             innovation.residual[0] += slip_mps;
         }
         innovation
-    }
-
-    /// Begins the slip anew, with a variance of its own.
-    #[cfg(test)]
-    pub(super) fn renew_slip(&mut self, variance: f64) {
-        if let Some(further) = &mut self.extensions.further {
-            further.renew(FIRST_THRUST + SLIP, variance);
-        }
-        let slip = FIRST_THRUST + SLIP;
-        let mut back = crate::aiding::further::FurtherVector::zeros();
-        back[slip] = -self.extensions.processes.estimate()[slip];
-        self.extensions.processes.inject(&back);
     }
 }
 

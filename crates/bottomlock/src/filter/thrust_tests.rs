@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::aiding::further::{FIRST_WATER, FURTHER};
+use crate::aiding::further::{FURTHER, block};
 use crate::aiding::sensor::TimeConstant;
 use crate::aiding::thrust::{SCALE, SLIP, ThrustModel, ThrustSample, ThrustUse, thrust};
 use crate::aiding::{Corrects, Innovation};
@@ -163,9 +163,9 @@ fn further_states_that_are_corrected() {
     assert_eq!(Corrects::All.further_states(), 0..FURTHER);
     assert!(Corrects::Depth.further_states().is_empty());
     let alone = Corrects::Velocity.further_states();
-    assert!(alone.contains(&FIRST_THRUST) && alone.end == FURTHER);
-    assert!(!alone.contains(&(crate::aiding::further::FIRST_MOTION - 1)));
-    assert_eq!(Corrects::ThroughWater.further_states(), FIRST_THRUST..FURTHER);
+    assert!(alone.contains(&block::THRUST.first) && alone.end == FURTHER);
+    assert!(!alone.contains(&(crate::aiding::further::block::MOTION.first - 1)));
+    assert_eq!(Corrects::ThroughWater.further_states(), block::THRUST.first..FURTHER);
 }
 
 /// While the velocity is held, a row learns current and advance and leaves the error state as it is, covariance included.
@@ -196,7 +196,8 @@ fn noise_is_no_change_of_speed() {
         let certain = crate::state::Covariance::from_diagonal(&crate::state::ErrorVector::repeat(1e-8));
         filter.set_covariance(&certain).unwrap();
         for _ in 0..1000 {
-            filter.renew_slip(4e-4);
+            let further = filter.extensions.further.as_mut().unwrap();
+            further.renew(block::THRUST.first + SLIP);
             update(&mut filter, 2.0 + 0.02 * random.one(), Corrects::ThroughWater);
         }
         let (estimate, covariance) = filter.thrust().unwrap();
@@ -213,7 +214,7 @@ fn noise_is_no_change_of_speed() {
 fn rejections_are_charged_by_variances() {
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
-    let (scale, slip) = (FIRST_THRUST + SCALE, FIRST_THRUST + SLIP);
+    let (scale, slip) = (block::THRUST.first + SCALE, block::THRUST.first + SLIP);
     for speed_mps in [4.5, 0.05] {
         let mut once = filter(state);
         let row = row_of(&once, speed_mps);
@@ -226,7 +227,7 @@ fn rejections_are_charged_by_variances() {
         let added = once.extensions.further().covariance().diagonal() - before;
         let factor = charge.factor.unwrap() - 1.0;
         assert!(factor > 1.0 && charge.to_sensor == 1.0, "{charge:?}");
-        for (state, variance) in [(scale, 1e-2), (slip, 4e-4), (FIRST_WATER, 0.09)] {
+        for (state, variance) in [(scale, 1e-2), (slip, 4e-4), (block::WATER.first, 0.09)] {
             assert!((added[state] / (variance * factor) - 1.0).abs() < 1e-9, "{state}");
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 use super::Eskf;
-use super::further_states::Update;
+use super::further_update::Update;
 use super::joseph::PredictedInnovation;
 use crate::aiding::sensor::Quantity;
 use crate::aiding::{Innovation, TangentRows};

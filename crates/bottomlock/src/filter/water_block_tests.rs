@@ -4,8 +4,9 @@ use nalgebra::{DMatrix, DVector, SVector};
 
 use super::*;
 use crate::aiding::Innovation;
-use crate::aiding::further::FIRST_WATER;
-use crate::aiding::water::{CURRENT, WATER, inject, sway_row};
+use crate::aiding::current_layers::{LayerVector, Water};
+use crate::aiding::further::{FurtherVector, block};
+use crate::aiding::water::{CURRENT, WATER, sway_row};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
 use crate::filter::level_turn::{advance, assert_close};
@@ -35,12 +36,25 @@ fn filter() -> Eskf {
         .with_water(Some(block))
 }
 
+/// Fraction of each error that is left after a time.
+fn left(duration_s: f64) -> WaterVector {
+    options()
+        .water
+        .processes()
+        .map(|process| process.left(duration_s))
+        .into()
+}
+
+fn slip_variance(block: &WaterBlock, slip: usize) -> f64 {
+    block.processes()[slip].variance
+}
+
 fn joint(filter: &Eskf) -> DMatrix<f64> {
     filter.joint_covariance()
 }
 
 fn row(filter: &Eskf) -> WaterRow {
-    let water = *filter.water().unwrap().estimate();
+    let water = filter.water_states().unwrap().estimate;
     filter.with_motion(|motion| sway_row(motion, &water))
 }
 
@@ -64,14 +78,14 @@ fn updates_are_the_textbook_updates_of_all_states() {
         });
         let s = h.dot(&(&p * &h)) + assumed.variance;
         let gain = &p * &h / s;
-        let before = *filter.water().unwrap().estimate();
+        let before = filter.water_states().unwrap().estimate;
         let report = filter.assume(&assumed, Sensor::Sway).unwrap();
         assert!((report.covariance[(0, 0)] / s - 1.0).abs() < 1e-12);
         check(&joint(&filter), &(&p - &gain * s * gain.transpose()), round);
-        let mut expected = before;
+        let mut expected = Water::common(&before);
         let step = SVector::from_fn(|k, _| gain[DIM + k] * assumed.residual);
-        inject(&mut expected, gain[ATTITUDE + 2] * assumed.residual, &step);
-        assert!((filter.water().unwrap().estimate() - expected).amax() < 1e-14);
+        expected.inject(gain[ATTITUDE + 2] * assumed.residual, &step, &LayerVector::zeros());
+        assert!((filter.water_states().unwrap().estimate - expected.estimate).amax() < 1e-14);
 
         // A measurement of the sway over ground alone.
         let mut measured = Innovation {
@@ -99,18 +113,21 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
         let assumed = row(&filter);
         filter.assume(&assumed, Sensor::Sway).unwrap();
     }
-    let block = filter.extensions.water.as_mut().unwrap();
-    (block.estimate[CURRENT], block.estimate[CURRENT + 1]) = (0.2, -0.5);
-    let (p, estimate) = (joint(&filter), *filter.water().unwrap().estimate());
+    let mut moved = FurtherVector::zeros();
+    let estimate = filter.water_states().unwrap().estimate;
+    moved[block::WATER.first + CURRENT] = 0.2 - estimate[CURRENT];
+    moved[block::WATER.first + CURRENT + 1] = -0.5 - estimate[CURRENT + 1];
+    filter.extensions.further.as_mut().unwrap().inject(0.0, &moved);
+    let (p, estimate) = (joint(&filter), filter.water_states().unwrap().estimate);
     let states = [ATTITUDE + 2, DIM + CURRENT, DIM + CURRENT + 1];
     let by_state = DMatrix::from_fn(2, 3, |i, j| {
         let moved = |step: f64| {
-            let (mut water, mut error) = (estimate, WaterVector::zeros());
+            let (mut water, mut error) = (Water::common(&estimate), WaterVector::zeros());
             if j > 0 {
                 error[CURRENT + j - 1] = step;
             }
-            inject(&mut water, if j == 0 { step } else { 0.0 }, &error);
-            water[CURRENT + i]
+            water.inject(if j == 0 { step } else { 0.0 }, &error, &LayerVector::zeros());
+            water.estimate[CURRENT + i]
         };
         (moved(1e-6) - moved(-1e-6)) / 2e-6
     });
@@ -139,17 +156,17 @@ fn water_states_decay() {
     advance(&mut filter, 1);
     filter.propagated_covariance();
     let after = filter.extensions.further();
-    let decay = options().water.decay(0.01);
+    let decay = left(0.01);
     // Φ is the identity for biases; `carried_columns_are_dense_products` checks the other states.
     for i in crate::layout::ACCEL_BIAS..DIM {
         for k in 0..WATER {
-            let at = (i, FIRST_WATER + k);
+            let at = (i, block::WATER.first + k);
             assert!((after.cross()[at] - before.cross()[at] * decay[k]).abs() < 1e-18);
         }
     }
     for k in 0..WATER {
-        let variance = options().water.variance()[k];
-        let at = (FIRST_WATER + k, FIRST_WATER + k);
+        let variance = options().water.processes()[k].variance;
+        let at = (block::WATER.first + k, block::WATER.first + k);
         let expected = before.covariance()[at] * decay[k] * decay[k] + (1.0 - decay[k] * decay[k]) * variance;
         assert!((after.covariance()[at] / expected - 1.0).abs() < 1e-14);
     }
@@ -162,25 +179,25 @@ fn a_measured_slip_by_hand() {
     let mean = filter.water().unwrap().prior_mean();
     let row = filter.with_motion(|motion| sway_row(motion, &mean));
     let mut block = WaterBlock::new(&options().water);
-    let start = block.variance()[row.slip];
+    let start = slip_variance(&block, row.slip);
     assert_eq!(block.slip_time_s(), [options().water.slip_time_s; 2]);
     // The sway of `filter` is 0.1 m/s, five sigma of the prior, and the turn is negligible: in minutes it becomes a current.
     assert!((row.residual + 0.1).abs() < 1e-3, "{}", row.residual);
     for _ in 0..300 {
-        block.propagate(1.0, &WaterVector::repeat(1.0));
+        block.wait(1.0);
         block.learn(&row, 1e-4);
     }
-    assert!(block.variance()[row.slip] < start);
+    assert!(slip_variance(&block, row.slip) < start);
     // Alternating by 0.4 m/s it is none.
     for k in 0..40 {
         let residual = if k % 2 == 0 { 0.3 } else { -0.5 };
-        block.propagate(1.0, &WaterVector::repeat(1.0));
+        block.wait(1.0);
         block.learn(&WaterRow { residual, ..row }, 1e-4);
     }
-    let larger = block.variance()[row.slip];
+    let larger = slip_variance(&block, row.slip);
     assert!(larger > 9.0 * start, "{larger}");
-    assert_eq!(block.variance()[HEAVE], start);
-    assert_eq!(block.restarted().variance()[row.slip], larger);
+    assert_eq!(slip_variance(&block, HEAVE), start);
+    assert_eq!(slip_variance(&block.restarted(), row.slip), larger);
 }
 
 /// A prior that counts for a million observations is neither widened by an alarm nor moved by what is measured.
@@ -193,7 +210,7 @@ fn a_fixed_prior_stays() {
     for (epochs, alarms) in [(1e6, false), (20.0, true)] {
         let mut block = WaterBlock::new(&prior(epochs));
         let alarmed = (0..50).any(|_| {
-            block.propagate(1.0, &WaterVector::repeat(1.0));
+            block.wait(1.0);
             block.test([4.0, 0.0]) != [None; 2]
         });
         assert_eq!(alarmed, alarms);
@@ -205,10 +222,8 @@ fn a_fixed_prior_stays() {
 fn restored_numbers_are_checked() {
     let good = WaterBlock::new(&WaterPrior::default());
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut WaterBlock); 5] = [
+    let faults: [fn(&mut WaterBlock); 3] = [
         |block| block.prior.slip_time_s = 0.0,
-        |block| block.estimate[0] = f64::NAN,
-        |block| block.variance[5] = f64::NAN,
         |block| block.since_s = f64::NAN,
         |block| block.turning_mps[4] = f64::NAN,
     ];
@@ -222,24 +237,21 @@ fn restored_numbers_are_checked() {
 /// A block that starts again has its prior and what was learned of the slip, and counts; an alarm widens the slip it names alone.
 #[test]
 fn a_restart_forgets_all_but_the_slip() {
-    let mut moved = WaterBlock::new(&WaterPrior::default());
-    moved.estimate[0] = 0.3;
-    let (anew, fresh) = (moved.restarted(), WaterBlock::new(&WaterPrior::default()));
+    let fresh = WaterBlock::new(&WaterPrior::default());
+    let anew = fresh.restarted();
     let counts = |block: &WaterBlock| (block.restarts(), block.alarms());
     assert_eq!(
         (counts(&anew), counts(&fresh), counts(&anew.restarted())),
         ((1, 0), (0, 0), (2, 0))
     );
-    assert_eq!((anew.estimate(), anew.variance()), (fresh.estimate(), fresh.variance()));
-    let wide = moved.widened([Some(Alarm::Larger), None]);
+    assert_eq!(anew.processes(), fresh.processes());
+    let wide = fresh.widened([Some(Alarm::Larger), None]);
     assert_eq!((counts(&wide), wide.slip_time_s()[1]), ((1, 1), fresh.slip_time_s()[1]));
-    assert!(wide.variance()[SWAY] > fresh.variance()[SWAY] && wide.slip_time_s()[0] > fresh.slip_time_s()[0]);
-    assert_eq!(
-        (wide.variance()[HEAVE], wide.estimate()),
-        (fresh.variance()[HEAVE], fresh.estimate())
-    );
-    assert_eq!(wide.restarted().variance(), wide.variance());
-    assert!(wide.decay(1.0)[SWAY] > fresh.decay(1.0)[SWAY]);
+    let (slip, usual) = (wide.processes(), fresh.processes());
+    assert!(slip[SWAY].variance > usual[SWAY].variance && slip[SWAY].time_s > usual[SWAY].time_s);
+    assert_eq!(slip[HEAVE], usual[HEAVE]);
+    assert_eq!(wide.restarted().processes(), slip);
+    assert!(slip[SWAY].left(1.0) > usual[SWAY].left(1.0));
 }
 
 /// Estimates decay with their correlation times.
@@ -247,9 +259,14 @@ fn a_restart_forgets_all_but_the_slip() {
 fn estimates_decay() {
     let mut filter = filter();
     let water = WaterVector::from([0.3, -0.2, 0.5, 0.02, 0.01, -0.03]);
-    filter.extensions.water.as_deref_mut().unwrap().estimate = water;
+    let mut moved = FurtherVector::zeros();
+    let before = filter.water_states().unwrap().estimate;
+    moved
+        .fixed_rows_mut::<WATER>(block::WATER.first)
+        .copy_from(&(water - before));
+    filter.extensions.further.as_mut().unwrap().inject(0.0, &moved);
     advance(&mut filter, 101);
     filter.propagated_covariance();
-    let expected = water.component_mul(&options().water.decay(1.01));
-    assert!((filter.water().unwrap().estimate() - expected).amax() < 1e-12);
+    let expected = water.component_mul(&left(1.01));
+    assert!((filter.water_states().unwrap().estimate - expected).amax() < 1e-12);
 }

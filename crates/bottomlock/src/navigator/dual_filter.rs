@@ -52,12 +52,10 @@ impl DualFilter {
     /// they do.
     pub(crate) fn start_constrained(&mut self, water: WaterBlock) {
         let mut filter = Box::new(self.measurements_only.clone());
-        match filter.water() {
-            Some(measured) => {
-                let water = measured.with_slips_of(&water);
-                filter.set_slips(water);
-            }
-            None => filter.set_water(Some(water)),
+        if filter.water().is_some() {
+            filter.set_slips(water);
+        } else {
+            filter.set_water(Some(water));
         }
         self.constrained = Some(filter);
         self.implausible = [0; Sensor::COUNT];

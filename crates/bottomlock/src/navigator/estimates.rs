@@ -78,7 +78,8 @@ impl Navigator {
     #[must_use]
     pub fn water_estimate(&self) -> Option<WaterEstimate> {
         let (block, (current, covariance)) = self.water().zip(self.filter().current())?;
-        let (estimate, slip_sd_mps) = (block.estimate(), block.variance().map(f64::sqrt));
+        let estimate = self.filter().water_states()?.estimate;
+        let slip_sd_mps = block.processes().map(|process| process.variance.sqrt());
         let [sway_slip_time_s, heave_slip_time_s] = block.slip_time_s();
         Some(WaterEstimate {
             current_t_mps: current.into(),

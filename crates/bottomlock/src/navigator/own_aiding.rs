@@ -11,10 +11,14 @@ use crate::navigator::own_method::{OwnMethod, PingBeams, PingPrior};
 
 /// Checks that a method from outside the kernel, which sees the beams as stated, is not asked to estimate their mounting.
 pub(super) fn check(aiding: BeamAiding, options: &Options) -> Result<(), NavError> {
-    if matches!(aiding, BeamAiding::Own(_)) && !options.calibration.is_off() {
+    let calibration = &options.calibration;
+    if matches!(aiding, BeamAiding::Own(_)) && !calibration.is_off() {
         return Err(NavError::OutOfRange {
             field: "calibration",
-            value: options.calibration.variance().max().sqrt(),
+            value: calibration
+                .mounting_sd_rad
+                .into_iter()
+                .fold(calibration.clock_sd_s, f64::max),
             expected: "0 (none) with a method of one's own, which sees the beams as stated",
         });
     }

@@ -40,8 +40,8 @@ fn bits(filter: &Eskf) -> Vec<u64> {
     numbers.extend(state.position_t_m.to_array());
     numbers.extend(state.attitude_t_p.to_quaternion_wxyz());
     numbers.extend(state.velocity_p_mps.to_array());
-    if let Some(water) = filter.water() {
-        numbers.extend(water.estimate().iter().chain(&filter.water_covariance().unwrap()));
+    if let Some(water) = filter.water_states() {
+        numbers.extend(water.estimate.iter().chain(&filter.water_covariance().unwrap()));
     }
     numbers.into_iter().map(f64::to_bits).collect()
 }

@@ -251,7 +251,7 @@ proptest! {
         let water = method.navigator.water().unwrap();
         let filter = method.navigator.filter();
         let covariance = filter.water_covariance().unwrap();
-        prop_assert!(water.estimate().iter().chain(covariance.iter()).all(|x| x.is_finite()));
-        prop_assert!(water.variance().iter().all(|&x| x >= 0.0));
+        prop_assert!(filter.water_states().unwrap().estimate.iter().chain(covariance.iter()).all(|x| x.is_finite()));
+        prop_assert!(water.processes().iter().all(|process| process.variance >= 0.0));
     }
 }
