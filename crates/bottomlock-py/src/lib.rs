@@ -70,7 +70,7 @@ mod _kernel {
         module.add("REPLACED_METHODS", BTreeMap::from(REPLACED_METHODS))?;
         let add = |key: &str, names: Vec<&str>| module.add(key, PyTuple::new(module.py(), names)?);
         add("FIX_STATUS", bottomlock::replay::FIX_STATUS.to_vec())?;
-        add("SENSORS", reports().map(|(_, report)| report.sensor.name()).collect())?;
+        add("SENSORS", reports().map(|(_, report)| report.name()).collect())?;
         add("METHODS", METHODS.iter().map(|method| method.name).collect())
     }
 }

@@ -22,9 +22,9 @@ fn aiding(value: Argument, beams: usize) -> PyResult<Aiding> {
     read("aiding", value, |keys| {
         let mut sensors = Vec::new();
         for (_, report) in reports() {
-            let key = report.sensor.name();
+            let key = report.name();
             let is_in = keys.has(key)? && keys.extract(key, "True or False")?;
-            sensors.extend(is_in.then_some(report.sensor));
+            sensors.extend(is_in.then_some(report));
         }
         let mask = keys.with("beams", |name, value| booleans(name, value, &[Some(beams)]))?;
         Ok(Aiding {
@@ -42,8 +42,8 @@ fn scheduled_sets(keys: &Keys<'_>, beams: usize) -> PyResult<Vec<(i64, Aiding)>>
     let masks = keys.with("beams", |name, value| booleans(name, value, &[count, Some(beams)]))?;
     let mut columns = Vec::new();
     for (_, report) in reports() {
-        let flags = keys.given(report.sensor.name(), |name, value| booleans(name, value, &[count]))?;
-        columns.extend(flags.map(|flags| (report.sensor, flags.values)));
+        let flags = keys.given(report.name(), |name, value| booleans(name, value, &[count]))?;
+        columns.extend(flags.map(|flags| (report, flags.values)));
     }
     let at = |(k, &time_ns): (usize, &i64)| {
         let sensors = columns.iter().filter(|(_, measures)| measures[k]);

@@ -4,7 +4,6 @@ use nalgebra::Matrix4;
 
 use crate::aiding::attitude::MagnetometerModel;
 use crate::aiding::beams::DvlModel;
-use crate::aiding::declare::sections;
 use crate::aiding::depth::DepthModel;
 use crate::aiding::gps::GpsModel;
 use crate::aiding::registry::{SensorModels, sensor_models};
@@ -213,6 +212,43 @@ impl Model {
         }
         p
     }
+}
+
+/// Declares the sections of a model side by side.
+macro_rules! sections {
+    ($($field:ident: $model:ty,)+) => {
+        /// The sections of a model side by side, as they are written; a sensor that there is not has none.
+        #[derive(serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub(crate) struct Sections {
+            environment: Environment,
+            imu: ImuModel,
+            initial: InitialModel,
+            $(#[serde(default)] $field: Option<$model>,)+
+        }
+
+        impl From<Sections> for Model {
+            fn from(sections: Sections) -> Self {
+                Self {
+                    environment: sections.environment,
+                    imu: sections.imu,
+                    initial: sections.initial,
+                    sensors: SensorModels { $($field: sections.$field.unwrap_or_default(),)+ },
+                }
+            }
+        }
+
+        impl From<Model> for Sections {
+            fn from(model: Model) -> Self {
+                Self {
+                    environment: model.environment,
+                    imu: model.imu,
+                    initial: model.initial,
+                    $($field: Some(model.sensors.$field).filter(|section| *section != <$model>::default()),)+
+                }
+            }
+        }
+    };
 }
 
 sensor_models!(sections);

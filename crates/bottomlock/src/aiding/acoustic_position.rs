@@ -8,10 +8,9 @@
 //!
 //! A filter takes r from the fix itself, |z − t|: a wrong estimate then changes no weight.
 
-use crate::aiding::declare::model_section;
 use crate::aiding::position::position;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Fraction, Quantity, Report, Scene, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Fraction, Reading, Scene, Simulation, model_section};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3};
@@ -71,28 +70,7 @@ impl AcousticPositionSample {
     }
 }
 
-impl AidingSensor for AcousticPositionSample {
-    const KIND: SensorKind = SensorKind::AcousticPosition;
-    const STREAM: &'static str = "acoustic_position";
-    const REPORTS: &'static [Report] = &[Report {
-        sensor: Sensor::AcousticPosition,
-        quantity: Some(Quantity::Position),
-    }];
-    const LEVER: Option<&'static str> = Some("acoustic_position_p_m");
-    const LOG: &'static [Column] = &[
-        Column::new("acoustic_position_t_m", 3),
-        Column {
-            optional: true,
-            ..Column::new("acoustic_position_sd_m", 3)
-        },
-    ];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "acoustic_position",
-        offset: None,
-        random: &[11, 12],
-        columns: Self::LOG,
-    });
-
+impl Reading for AcousticPositionSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -111,6 +89,29 @@ impl AidingSensor for AcousticPositionSample {
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
         position(motion, &self.position_t_m, &self.sd_m, lever_p_m)
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        [self.position_t_m.to_array(), self.sd_m].concat()
+    }
+}
+
+impl AidingSensor for AcousticPositionSample {
+    const KIND: SensorKind = SensorKind::AcousticPosition;
+    const STREAM: &'static str = "acoustic_position";
+    const LEVER: Option<&'static str> = Some("acoustic_position_p_m");
+    const LOG: &'static [Column] = &[
+        Column::new("acoustic_position_t_m", 3),
+        Column {
+            optional: true,
+            ..Column::new("acoustic_position_sd_m", 3)
+        },
+    ];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "acoustic_position",
+        offset: None,
+        random: &[11, 12],
+        columns: Self::LOG,
+    });
 
     fn of_truth(motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Self {
         let state = motion.state;
@@ -141,10 +142,6 @@ impl AidingSensor for AcousticPositionSample {
             None,
             &scene.claimed.acoustic_position,
         ))
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        [self.position_t_m.to_array(), self.sd_m].concat()
     }
 }
 

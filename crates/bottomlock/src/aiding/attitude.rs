@@ -7,11 +7,10 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::aiding::declare::model_section;
 use crate::aiding::deviation::{DeviationModel, harmonics};
 use crate::aiding::further::{ATTITUDE_ERROR, FurtherRows, Process, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
+use crate::aiding::sensor::{AidingSensor, Column, Reading, Scene, Simulation, SlowSd, WalkTime, model_section};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_angle_sd, require_finite};
 use crate::frames::{Platform, Rot, Tangent, Vec3};
@@ -138,22 +137,7 @@ impl AttitudeSample {
     }
 }
 
-impl AidingSensor for AttitudeSample {
-    const KIND: SensorKind = SensorKind::Attitude;
-    const STREAM: &'static str = "attitude";
-    const REPORTS: &'static [Report] = &[Report {
-        sensor: Sensor::Attitude,
-        quantity: Some(Quantity::Angle),
-    }];
-    const LOG: &'static [Column] = &[Column::new("attitude_t_p", 4)];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "magnetometer",
-        offset: Some("yaw_offset_rad"),
-        // White noise, then offset and walk of each angle, then the deviation's coefficients.
-        random: &[8, 15, 16, 17, 18, 19, 20, 26, 27, 28, 29],
-        columns: &[Column::new("magnetometer_attitude_t_p", 4)],
-    });
-
+impl Reading for AttitudeSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -167,6 +151,23 @@ impl AidingSensor for AttitudeSample {
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
         attitude(motion, &self.attitude_t_p, self.roll_pitch_sd_rad, self.yaw_sd_rad)
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        self.attitude_t_p.to_quaternion_wxyz().to_vec()
+    }
+}
+
+impl AidingSensor for AttitudeSample {
+    const KIND: SensorKind = SensorKind::Attitude;
+    const STREAM: &'static str = "attitude";
+    const LOG: &'static [Column] = &[Column::new("attitude_t_p", 4)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "magnetometer",
+        offset: Some("yaw_offset_rad"),
+        // White noise, then offset and walk of each angle, then the deviation's coefficients.
+        random: &[8, 15, 16, 17, 18, 19, 20, 26, 27, 28, 29],
+        columns: &[Column::new("magnetometer_attitude_t_p", 4)],
+    });
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         Self::new(
@@ -203,10 +204,6 @@ impl AidingSensor for AttitudeSample {
             Rot::from_quaternion_wxyz([quaternion.w, quaternion.i, quaternion.j, quaternion.k]),
             &scene.claimed.magnetometer,
         ))
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        self.attitude_t_p.to_quaternion_wxyz().to_vec()
     }
 }
 

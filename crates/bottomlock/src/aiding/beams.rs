@@ -2,9 +2,8 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use crate::aiding::declare::model_section;
 use crate::aiding::further::FurtherRows;
-use crate::aiding::sensor::Fraction;
+use crate::aiding::sensor::{Fraction, model_section};
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, Motion, RowJacobian};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamMotion, BeamSample};
 use crate::dvl::partial::{BeamNoise, FixEstimator, Port};

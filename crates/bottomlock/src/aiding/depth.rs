@@ -11,11 +11,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::aiding::declare::model_section;
 use crate::aiding::further::{DEPTH_WAVE, FurtherRows, Process, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
 use crate::aiding::sensor::{
-    AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, TimeConstant, WavePeriod,
+    AidingSensor, Column, Reading, Scene, Simulation, SlowSd, TimeConstant, WavePeriod, model_section,
 };
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
@@ -67,23 +66,7 @@ pub struct DepthSample {
     pub sd_m: f64,
 }
 
-impl AidingSensor for DepthSample {
-    const KIND: SensorKind = SensorKind::Depth;
-    const STREAM: &'static str = "depth";
-    const REPORTS: &'static [Report] = &[Report {
-        sensor: Sensor::Depth,
-        quantity: Some(Quantity::Position),
-    }];
-    const LEVER: Option<&'static str> = Some("depth_p_m");
-    const LOG: &'static [Column] = &[Column::new("depth_m", 1)];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "depth",
-        offset: Some("depth_offset_m"),
-        // White noise, bias, then the waves in phase and a quarter of their period behind.
-        random: &[7, 13, 34, 35],
-        columns: Self::LOG,
-    });
-
+impl Reading for DepthSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -96,6 +79,24 @@ impl AidingSensor for DepthSample {
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
         depth(motion, self.depth_m, self.sd_m, lever_p_m)
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.depth_m]
+    }
+}
+
+impl AidingSensor for DepthSample {
+    const KIND: SensorKind = SensorKind::Depth;
+    const STREAM: &'static str = "depth";
+    const LEVER: Option<&'static str> = Some("depth_p_m");
+    const LOG: &'static [Column] = &[Column::new("depth_m", 1)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "depth",
+        offset: Some("depth_offset_m"),
+        // White noise, bias, then the waves in phase and a quarter of their period behind.
+        random: &[7, 13, 34, 35],
+        columns: Self::LOG,
+    });
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         Self {
@@ -133,10 +134,6 @@ impl AidingSensor for DepthSample {
             depth_m: scene.level.depth_m + scene.offset + bias_m + wave_m + actual.sd_m * noise.one(),
             sd_m: scene.claimed.depth.sd_m,
         })
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        vec![self.depth_m]
     }
 }
 

@@ -1,9 +1,8 @@
 //! A GPS receiver: position and, where it gives one, velocity of its antenna in the tangent frame.
 
-use crate::aiding::declare::model_section;
 use crate::aiding::position::position;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation};
+use crate::aiding::sensor::{AidingSensor, Column, Reading, Scene, Simulation, model_section};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_finite, require_positive};
 use crate::frames::{Platform, Tangent, Vec3, skew};
@@ -43,28 +42,7 @@ pub struct GpsVelocity {
     pub sd_mps: [f64; 3],
 }
 
-impl AidingSensor for GpsSample {
-    const KIND: SensorKind = SensorKind::Gps;
-    const STREAM: &'static str = "gps";
-    const REPORTS: &'static [Report] = &[
-        Report {
-            sensor: Sensor::GpsPosition,
-            quantity: Some(Quantity::Position),
-        },
-        Report {
-            sensor: Sensor::GpsVelocity,
-            quantity: Some(Quantity::Velocity),
-        },
-    ];
-    const LEVER: Option<&'static str> = Some("gps_p_m");
-    const LOG: &'static [Column] = &[Column::new("gps_position_t_m", 3)];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "gps",
-        offset: None,
-        random: &[9, 10],
-        columns: &[Column::new("gps_position_t_m", 3), Column::new("gps_velocity_t_mps", 3)],
-    });
-
+impl Reading for GpsSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -91,6 +69,24 @@ impl AidingSensor for GpsSample {
             _ => position(motion, &self.position_t_m, &self.position_sd_m, lever_p_m),
         }
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        let velocity = self.velocity.map_or([f64::NAN; 3], |of| of.velocity_t_mps.to_array());
+        [self.position_t_m.to_array(), velocity].concat()
+    }
+}
+
+impl AidingSensor for GpsSample {
+    const KIND: SensorKind = SensorKind::Gps;
+    const STREAM: &'static str = "gps";
+    const LEVER: Option<&'static str> = Some("gps_p_m");
+    const LOG: &'static [Column] = &[Column::new("gps_position_t_m", 3)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "gps",
+        offset: None,
+        random: &[9, 10],
+        columns: &[Column::new("gps_position_t_m", 3), Column::new("gps_velocity_t_mps", 3)],
+    });
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         let state = motion.state;
@@ -130,11 +126,6 @@ impl AidingSensor for GpsSample {
                 sd_mps: claimed.velocity_sd_mps,
             }),
         })
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        let velocity = self.velocity.map_or([f64::NAN; 3], |of| of.velocity_t_mps.to_array());
-        [self.position_t_m.to_array(), velocity].concat()
     }
 }
 

@@ -6,11 +6,10 @@ use std::f64::consts::TAU;
 use nalgebra::Vector3;
 
 use crate::aiding::attitude::SlowAngleModel;
-use crate::aiding::declare::model_section;
 use crate::aiding::deviation::{DeviationModel, harmonics};
 use crate::aiding::further::{FurtherRows, Processes, block};
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Simulation, SlowSd, WalkTime};
+use crate::aiding::sensor::{AidingSensor, Column, Reading, Scene, Simulation, SlowSd, WalkTime, model_section};
 use crate::aiding::{Innovation, Motion, TangentRows};
 use crate::error::{NavError, require_angle_sd, require_finite, require_plausible};
 use crate::frames::{Platform, Vec3};
@@ -82,22 +81,7 @@ pub struct HeadingSample {
     pub sd_rad: f64,
 }
 
-impl AidingSensor for HeadingSample {
-    const KIND: SensorKind = SensorKind::Heading;
-    const STREAM: &'static str = "heading";
-    const REPORTS: &'static [Report] = &[Report {
-        sensor: Sensor::Heading,
-        quantity: Some(Quantity::Angle),
-    }];
-    const LOG: &'static [Column] = &[Column::new("heading_rad", 1)];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "heading",
-        offset: None,
-        // White noise, offset, walk, then the deviation's coefficients.
-        random: &[14, 21, 22, 30, 31, 32, 33],
-        columns: Self::LOG,
-    });
-
+impl Reading for HeadingSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -112,6 +96,23 @@ impl AidingSensor for HeadingSample {
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
         heading(motion, self.yaw_rad, self.sd_rad)
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.yaw_rad]
+    }
+}
+
+impl AidingSensor for HeadingSample {
+    const KIND: SensorKind = SensorKind::Heading;
+    const STREAM: &'static str = "heading";
+    const LOG: &'static [Column] = &[Column::new("heading_rad", 1)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "heading",
+        offset: None,
+        // White noise, offset, walk, then the deviation's coefficients.
+        random: &[14, 21, 22, 30, 31, 32, 33],
+        columns: Self::LOG,
+    });
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         let [_, _, yaw_rad] = motion.level.to_euler_rad(motion.state.attitude_t_p);
@@ -144,10 +145,6 @@ impl AidingSensor for HeadingSample {
             yaw_rad: yaw_rad + slow_rad + model.sd_rad * noise.one(),
             sd_rad: scene.claimed.heading.sd_rad,
         })
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        vec![self.yaw_rad]
     }
 }
 

@@ -11,7 +11,7 @@ use super::further::block;
 use super::gps::{GpsModel, GpsSample, GpsVelocity};
 use super::heading::{HeadingModel, HeadingSample, heading};
 use super::registry::{Sensor, SensorModels};
-use super::sensor::{AidingSensor, Fraction, Scene, Signed, SlowSd, TimeConstant, TrueMotion};
+use super::sensor::{AidingSensor, Fraction, Reading, Scene, Signed, SlowSd, TimeConstant, TrueMotion};
 use super::thrust::{ThrustModel, ThrustSample};
 use super::velocity::VelocitySample;
 use crate::earth::LocalLevel;

@@ -2,12 +2,12 @@
 
 use crate::aiding::acoustic_position::AcousticPositionSample;
 use crate::aiding::attitude::AttitudeSample;
-use crate::aiding::declare::{models, sensors};
 use crate::aiding::depth::DepthSample;
 use crate::aiding::further::Processes;
 use crate::aiding::gps::GpsSample;
 use crate::aiding::heading::HeadingSample;
-use crate::aiding::sensor::{AidingSensor, Column, Quantity, Report, Scene, Section, Simulation};
+pub use crate::aiding::reports::{Sensor, reports};
+use crate::aiding::sensor::{AidingSensor, Column, Reading, Scene, Section, Simulation};
 use crate::aiding::thrust::ThrustSample;
 use crate::aiding::velocity::VelocitySample;
 use crate::aiding::{Innovation, Motion};
@@ -19,15 +19,148 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-// In the order in which measurements of the same time are taken: variant (sample): name of each of its reports.
+/// Declares the sensors, in the order in which measurements of the same time are taken.
+macro_rules! sensors {
+    ($($kind:ident($sample:ty)),+) => {
+        /// The sensor of a measurement.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        pub enum SensorKind {
+            $(#[doc = concat!("That of [`", stringify!($sample), "`].")] $kind),+
+        }
+
+        impl SensorKind {
+            /// Every sensor.
+            pub const ALL: [Self; SENSORS] = [$(Self::$kind),+];
+        }
+
+        /// Number of sensors.
+        pub const SENSORS: usize = [$(stringify!($kind)),+].len();
+
+        const DECLARATIONS: [Declaration; SENSORS] = [$(Declaration::of::<$sample>()),+];
+
+        /// A measurement of any sensor beside the beams.
+        #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+        pub enum Measurement {
+            $(#[doc = concat!("[`", stringify!($sample), "`].")] $kind($sample)),+
+        }
+
+        impl Measurement {
+            /// Its sensor.
+            #[must_use]
+            pub const fn kind(&self) -> SensorKind {
+                match self {
+                    $(Self::$kind(_) => SensorKind::$kind),+
+                }
+            }
+
+            fn reading(&self) -> &dyn Reading {
+                match self {
+                    $(Self::$kind(sample) => sample),+
+                }
+            }
+        }
+
+        $(impl From<$sample> for Measurement {
+            fn from(sample: $sample) -> Self {
+                Self::$kind(sample)
+            }
+        }
+
+        impl TryFrom<Measurement> for $sample {
+            type Error = Measurement;
+            fn try_from(measurement: Measurement) -> Result<Self, Measurement> {
+                match measurement {
+                    Measurement::$kind(sample) => Ok(sample),
+                    other => Err(other),
+                }
+            }
+        })+
+    };
+}
 sensors! {
-    Velocity(VelocitySample): Velocity = "velocity";
-    Depth(DepthSample): Depth = "depth";
-    Attitude(AttitudeSample): Attitude = "attitude";
-    Heading(HeadingSample): Heading = "heading";
-    Gps(GpsSample): GpsPosition = "gps_position", GpsVelocity = "gps_velocity";
-    AcousticPosition(AcousticPositionSample): AcousticPosition = "acoustic_position";
-    Thrust(ThrustSample): ThrustSurge = "thrust_surge", ThrustSway = "thrust_sway", ThrustHeave = "thrust_heave";
+    Velocity(VelocitySample),
+    Depth(DepthSample),
+    Attitude(AttitudeSample),
+    Heading(HeadingSample),
+    Gps(GpsSample),
+    AcousticPosition(AcousticPositionSample),
+    Thrust(ThrustSample)
+}
+
+impl Measurement {
+    /// [`Reading::time_ns`].
+    #[must_use]
+    pub fn time_ns(&self) -> i64 {
+        self.reading().time_ns()
+    }
+
+    /// [`Reading::validate`].
+    ///
+    /// # Errors
+    /// [`NavError`] that names the field.
+    pub fn validate(&self) -> Result<(), NavError> {
+        self.reading().validate()
+    }
+
+    /// Its updates in order.
+    pub fn reports(&self) -> impl Iterator<Item = Sensor> + use<'_> {
+        let of_kind = reports().filter(|(kind, _)| *kind == self.kind());
+        of_kind
+            .map(|(_, report)| report)
+            .filter(|&report| self.reading().gives(report))
+    }
+
+    /// One of its updates.
+    #[must_use]
+    pub fn innovation(&self, report: Sensor, motion: &Motion<'_>, levers: &Levers) -> Innovation {
+        self.reading().innovation(report, motion, levers.of(self.kind()))
+    }
+
+    /// [`Reading::numbers`].
+    #[must_use]
+    pub fn numbers(&self) -> Vec<f64> {
+        self.reading().numbers()
+    }
+}
+
+/// Declares the models of the sensors, a section each.
+macro_rules! models {
+    ($($field:ident: $model:ty,)+) => {
+        /// Assumed errors of the aiding sensors.
+        #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+        pub struct SensorModels {
+            $(#[doc = concat!("[`", stringify!($model), "`].")] pub $field: $model,)+
+        }
+
+        impl SensorModels {
+            /// Checks every number.
+            ///
+            /// # Errors
+            /// [`NavError::OutOfRange`] or [`NavError::NotFinite`] that names the field.
+            pub fn validate(&self) -> Result<(), NavError> {
+                $(self.$field.validate()?;)+
+                Ok(())
+            }
+
+            /// Reads the section of a name and checks its numbers.
+            ///
+            /// # Errors
+            /// As [`crate::error::setting::read`] and [`Self::validate`]; [`NavError::UnknownName`] for a name that is none of them.
+            pub(crate) fn check<'de, D>(name: &str, source: D) -> Result<(), NavError>
+            where
+                D: serde::Deserializer<'de, Error: std::fmt::Display>,
+            {
+                $(if name == <$model as Section>::NAME {
+                    return crate::error::setting::read::<$model, D>(name, source)?.validate();
+                })+
+                Err(NavError::UnknownName {
+                    what: "settings",
+                    name: name.into(),
+                    expected: concat!("options, model, environment, imu, initial", $(", ", stringify!($field)),+),
+                })
+            }
+        }
+    };
 }
 
 /// Gives a macro the models of the sensors, each with the name of its section.
@@ -70,8 +203,6 @@ type OfRow = fn(i64, &[Option<&[f64]>], &SensorModels) -> Option<Measurement>;
 pub struct Declaration {
     /// [`AidingSensor::STREAM`].
     pub stream: &'static str,
-    /// [`AidingSensor::REPORTS`].
-    pub reports: &'static [Report],
     /// [`AidingSensor::LEVER`].
     pub lever: Option<&'static str>,
     /// [`AidingSensor::LOG`].
@@ -88,7 +219,6 @@ impl Declaration {
     const fn of<S: AidingSensor>() -> Self {
         Self {
             stream: S::STREAM,
-            reports: S::REPORTS,
             lever: S::LEVER,
             log: S::LOG,
             simulation: S::SIMULATION,
@@ -150,12 +280,6 @@ pub const STREAM_NAMES: [&str; STREAMS] = {
 pub const WATER_TRACK: usize = 2 + SENSORS;
 /// Number of streams: inertial readings, pings, one for each sensor, and the beams that the water returned.
 pub const STREAMS: usize = WATER_TRACK + 1;
-
-/// Report names and quantities of the updates of all sensors but the beams.
-pub fn reports() -> impl Iterator<Item = (SensorKind, Report)> {
-    let of = |kind: SensorKind| kind.declaration().reports.iter().map(move |&report| (kind, report));
-    SensorKind::ALL.into_iter().flat_map(of)
-}
 
 /// Lever arm of each sensor, platform frame, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

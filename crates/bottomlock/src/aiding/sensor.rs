@@ -9,21 +9,8 @@ use crate::frames::{Platform, Rot, Tangent, Vec3};
 use crate::random::Normals;
 use nalgebra::Vector3;
 
-/// A sensor, by the type of its samples.
-pub trait AidingSensor: Copy + Into<Measurement> {
-    /// Its place in the registry.
-    const KIND: SensorKind;
-    /// Name of its stream, within which time rises; `<stream>_time_ns` is the key of its times in a log.
-    const STREAM: &'static str;
-    /// Report names of its updates in order, with the quantity of each.
-    const REPORTS: &'static [Report];
-    /// Key of its lever arm among the filter's options, where it has one.
-    const LEVER: Option<&'static str> = None;
-    /// Its columns in a recorded log; empty where a log has none of it.
-    const LOG: &'static [Column] = &[];
-    /// Its simulation, if it has one.
-    const SIMULATION: Option<Simulation> = None;
-
+/// A reading of a sensor.
+pub trait Reading {
     /// Time of validity, ns.
     fn time_ns(&self) -> i64;
 
@@ -41,6 +28,25 @@ pub trait AidingSensor: Copy + Into<Measurement> {
     /// The update of a report, of a sensor at `lever_p_m`.
     fn innovation(&self, report: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation;
 
+    /// Its values, in the order of the columns of [`AidingSensor::SIMULATION`].
+    fn numbers(&self) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+/// A sensor, by the type of its samples.
+pub trait AidingSensor: Reading + Copy + Into<Measurement> {
+    /// Its place in the registry.
+    const KIND: SensorKind;
+    /// Name of its stream, within which time rises; `<stream>_time_ns` is the key of its times in a log.
+    const STREAM: &'static str;
+    /// Key of its lever arm among the filter's options, where it has one.
+    const LEVER: Option<&'static str> = None;
+    /// Its columns in a recorded log; empty where a log has none of it.
+    const LOG: &'static [Column] = &[];
+    /// Its simulation, if it has one.
+    const SIMULATION: Option<Simulation> = None;
+
     /// A sample of the true motion, with the noise of the models, for its Jacobian and noise.
     fn of_truth(motion: &Motion<'_>, lever_p_m: &Vec3<Platform>, models: &SensorModels) -> Self;
 
@@ -54,20 +60,6 @@ pub trait AidingSensor: Copy + Into<Measurement> {
     fn simulate(_scene: &Scene<'_>, _random: &mut [Normals]) -> Option<Self> {
         None
     }
-
-    /// Its values, in the order of the columns of [`AidingSensor::SIMULATION`].
-    fn numbers(&self) -> Vec<f64> {
-        Vec::new()
-    }
-}
-
-/// Report name and measured quantity of an update.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Report {
-    /// Its name.
-    pub sensor: Sensor,
-    /// What it measures; `None` for a reading that is no evidence against the filter.
-    pub quantity: Option<Quantity>,
 }
 
 /// Quantity measured by an update.
@@ -160,6 +152,33 @@ pub trait Section: Copy + Default {
     /// [`NavError`] that names the field.
     fn validate(&self) -> Result<(), NavError>;
 }
+
+/// Declares a section of a model, with how it is checked.
+macro_rules! model_section {
+    ($(#[$doc:meta])* pub struct $model:ident in $section:literal {
+        $($(#[$field_doc:meta])* pub $field:ident: $kind:ty,)+
+    }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct $model {
+            $($(#[$field_doc])* pub $field: $kind,)+
+        }
+
+        impl $crate::aiding::sensor::Section for $model {
+            const NAME: &'static str = $section;
+
+            fn validate(&self) -> Result<(), $crate::error::NavError> {
+                $($crate::aiding::sensor::Field::check(
+                    &self.$field,
+                    concat!($section, ".", stringify!($field)),
+                )?;)+
+                Ok(())
+            }
+        }
+    };
+}
+pub(crate) use model_section;
 
 /// A field of a section, and how it is checked.
 pub trait Field: Copy {

@@ -10,7 +10,7 @@ use super::gps::gps_velocity;
 use super::heading::heading;
 use super::position::position;
 use super::registry::Sensor;
-use super::sensor::AidingSensor;
+use super::sensor::Reading;
 use super::velocity::velocity;
 use super::*;
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};

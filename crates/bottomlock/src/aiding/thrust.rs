@@ -23,11 +23,10 @@
 use nalgebra::Vector3;
 
 use crate::aiding::current_layers::CurrentAt;
-use crate::aiding::declare::model_section;
 use crate::aiding::further::{FurtherRows, Process, Processes, block};
 use crate::aiding::innovation::Corrects;
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Column, Report, Scene, Signed, Simulation, TimeConstant};
+use crate::aiding::sensor::{AidingSensor, Column, Reading, Scene, Signed, Simulation, TimeConstant, model_section};
 use crate::aiding::water::{SpeedThroughWater, WATER};
 use crate::aiding::{Innovation, Motion};
 use crate::error::{NavError, require_finite, require_magnitude, require_positive};
@@ -146,31 +145,11 @@ pub struct ThrustSample {
 
 /// The axis of a report; `None` for one of another sensor.
 pub(crate) fn thrust_axis(sensor: Sensor) -> Option<usize> {
-    ThrustSample::REPORTS.iter().position(|report| report.sensor == sensor)
+    let axes = [Sensor::ThrustSurge, Sensor::ThrustSway, Sensor::ThrustHeave];
+    axes.into_iter().position(|axis| axis == sensor)
 }
 
-const fn report(sensor: Sensor) -> Report {
-    Report { sensor, quantity: None }
-}
-
-impl AidingSensor for ThrustSample {
-    const KIND: SensorKind = SensorKind::Thrust;
-    const STREAM: &'static str = "thrust";
-    const REPORTS: &'static [Report] = &[
-        report(Sensor::ThrustSurge),
-        report(Sensor::ThrustSway),
-        report(Sensor::ThrustHeave),
-    ];
-    const LEVER: Option<&'static str> = Some("thrust_p_m");
-    const LOG: &'static [Column] = &[Column::new("thrust_speed_p_mps", 3)];
-    const SIMULATION: Option<Simulation> = Some(Simulation {
-        name: "thrust",
-        offset: Some("thrust_current_mps"),
-        // White noise, slip, scale.
-        random: &[23, 24, 25],
-        columns: Self::LOG,
-    });
-
+impl Reading for ThrustSample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -191,6 +170,24 @@ impl AidingSensor for ThrustSample {
     fn innovation(&self, sensor: Sensor, motion: &Motion<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
         thrust_axis(sensor).map_or_else(Innovation::empty, |axis| thrust(axis, motion, self, lever_p_m))
     }
+
+    fn numbers(&self) -> Vec<f64> {
+        self.speed_p_mps.to_array().to_vec()
+    }
+}
+
+impl AidingSensor for ThrustSample {
+    const KIND: SensorKind = SensorKind::Thrust;
+    const STREAM: &'static str = "thrust";
+    const LEVER: Option<&'static str> = Some("thrust_p_m");
+    const LOG: &'static [Column] = &[Column::new("thrust_speed_p_mps", 3)];
+    const SIMULATION: Option<Simulation> = Some(Simulation {
+        name: "thrust",
+        offset: Some("thrust_current_mps"),
+        // White noise, slip, scale.
+        random: &[23, 24, 25],
+        columns: Self::LOG,
+    });
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         let along = |axis: usize| {
@@ -230,10 +227,6 @@ impl AidingSensor for ThrustSample {
             speed_p_mps: Vec3::new(surge_mps, 0.0, 0.0),
             sd_mps: scene.claimed.thrust.noise_sd_mps,
         })
-    }
-
-    fn numbers(&self) -> Vec<f64> {
-        self.speed_p_mps.to_array().to_vec()
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::Matrix3;
 
 use crate::aiding::registry::{Sensor, SensorKind, SensorModels};
-use crate::aiding::sensor::{AidingSensor, Quantity, Report};
+use crate::aiding::sensor::{AidingSensor, Reading};
 use crate::aiding::{Innovation, Motion};
 use crate::dvl::geometry::{MAX_BEAM_SPEED_MPS, SLOW_ENOUGH};
 use crate::error::{NavError, require_finite, require_finite_squares, require_magnitude};
@@ -22,14 +22,7 @@ pub struct VelocitySample {
     pub cov_m2ps2: Matrix3<f64>,
 }
 
-impl AidingSensor for VelocitySample {
-    const KIND: SensorKind = SensorKind::Velocity;
-    const STREAM: &'static str = "velocity";
-    const REPORTS: &'static [Report] = &[Report {
-        sensor: Sensor::Velocity,
-        quantity: Some(Quantity::Velocity),
-    }];
-
+impl Reading for VelocitySample {
     fn time_ns(&self) -> i64 {
         self.time_ns
     }
@@ -50,6 +43,11 @@ impl AidingSensor for VelocitySample {
     fn innovation(&self, _: Sensor, motion: &Motion<'_>, _: &Vec3<Platform>) -> Innovation {
         velocity(motion.state, &self.velocity_p_mps, &self.cov_m2ps2)
     }
+}
+
+impl AidingSensor for VelocitySample {
+    const KIND: SensorKind = SensorKind::Velocity;
+    const STREAM: &'static str = "velocity";
 
     fn of_truth(motion: &Motion<'_>, _: &Vec3<Platform>, models: &SensorModels) -> Self {
         Self {

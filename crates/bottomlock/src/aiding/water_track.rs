@@ -15,9 +15,8 @@
 use nalgebra::Vector3;
 
 use crate::aiding::current_layers::Water;
-use crate::aiding::declare::model_section;
 use crate::aiding::further::{FurtherRows, block};
-use crate::aiding::sensor::Fraction;
+use crate::aiding::sensor::{Fraction, model_section};
 use crate::aiding::water::CURRENT;
 use crate::aiding::{BeamTerms, Motion};
 use crate::dvl::geometry::{BeamGeometry, BeamSample};

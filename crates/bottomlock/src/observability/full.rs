@@ -181,8 +181,8 @@ fn rows(
         let terms = aiding::beam_terms(&motion, geometry, &ping);
         parts.push((aiding::tightly_coupled(&terms, &ping), 1.0));
     }
-    for (kind, report) in reports().filter(|(_, report)| which.sensors.contains(report.sensor)) {
-        let size = match report.quantity {
+    for (kind, report) in reports().filter(|(_, report)| which.sensors.contains(*report)) {
+        let size = match report.quantity() {
             Some(Quantity::Position) => duration_s,
             Some(Quantity::Velocity) | None => 1.0,
             Some(Quantity::Angle) => tilt,
@@ -190,7 +190,7 @@ fn rows(
         let measurement = kind
             .declaration()
             .of_truth(&motion, which.levers.of(kind), &model.sensors);
-        parts.push((measurement.innovation(report.sensor, &motion, &which.levers), size));
+        parts.push((measurement.innovation(report, &motion, &which.levers), size));
     }
     let count = parts.iter().map(|(part, _)| part.rows).sum();
     let mut h = DMatrix::zeros(count, DIM);

@@ -76,7 +76,7 @@ impl Aiding {
     pub fn validate(&self, geometry: &BeamGeometry) -> Result<(), NavError> {
         self.levers.validate("aiding.levers")?;
         if self.is_empty() {
-            let names: Vec<&str> = reports().map(|(_, report)| report.sensor.name()).collect();
+            let names: Vec<&str> = reports().map(|(_, report)| report.name()).collect();
             return Err(NavError::WrongCount {
                 field: "aiding sensors",
                 got: 0,
