@@ -26,7 +26,8 @@ DEGREE = np.pi / 180.0
 SPEED_MPS = 1.5
 
 WHITE = MagnetometerModel(yaw_sd_rad=0.2 * DEGREE, roll_pitch_sd_rad=0.2 * DEGREE)
-SURPRISED: Any = AttitudeReference(grade="mti_ahrs").kernel_models()["magnetometer"]
+GRADE = AttitudeReference(grade="mti_ahrs", aids="attitude")
+SURPRISED: Any = GRADE.kernel_models()["magnetometer"]
 """The packaged grade, which claims no deviation."""
 CLAIMED = SURPRISED.replace(yaw_semicircular_sd_rad=1.5 * DEGREE, yaw_quadrantal_sd_rad=0.75 * DEGREE)
 
@@ -35,7 +36,7 @@ CLAIMED = SURPRISED.replace(yaw_semicircular_sd_rad=1.5 * DEGREE, yaw_quadrantal
 class World:
     """Mask of the beams, rate of the compass, deviation by cos ψ and by cos 2ψ in degrees, heading of the first leg.
 
-    And its other errors, path, and length.
+    And its other errors, path, length, and whether the start is its reading, as in a replay.
     """
 
     beams: tuple[int, ...] = (1, 2, 3, 4)
@@ -46,6 +47,7 @@ class World:
     errors: MagnetometerModel = WHITE
     path: str = "lawn_mower"
     duration_s: float = 600.0
+    from_compass: bool = False
 
 
 WORLDS = {
@@ -65,7 +67,7 @@ class Track:
     nees: float
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def motion(path: str, duration_s: float, heading_deg: float) -> tuple[Simulation, Truth]:
     """At 1.5 m/s."""
     simulation = analytic_simulation(
@@ -87,13 +89,15 @@ class Readings:
 
 
 def readings(world: World, run: int, claimed: MagnetometerModel = SURPRISED) -> Readings:
-    """The readings of a run; the start has the errors that it claims, those of the compass."""
+    """The readings of a run; a start that is drawn has the errors that it claims, those of the compass."""
     simulation, truth = motion(world.path, world.duration_s, world.heading_deg)
     scenario = simulation.scenario
     model = scenario.kernel_model(simulation.gravity_mps2).replace(imu=imu("tactical"), magnetometer=claimed)
-    tilt = float(np.hypot(0.5, 0.5)) * DEGREE
+    tilt, turn = float(np.hypot(0.5, 0.5)), float(np.hypot(1.0, 1.7))
+    if world.from_compass:
+        tilt, turn = GRADE.start_roll_pitch_sd_deg, GRADE.start_yaw_sd_deg
     initial = model.initial.replace(
-        attitude_sd_rad=[tilt, tilt, float(np.hypot(1.0, 1.7)) * DEGREE], position_sd_m=[0.5] * 3
+        attitude_sd_rad=[tilt * DEGREE, tilt * DEGREE, turn * DEGREE], position_sd_m=[0.5] * 3
     )
     model = model.replace(initial=initial)
     schedule: Any = dict(measurement_schedule(simulation, truth))
@@ -111,7 +115,10 @@ def readings(world: World, run: int, claimed: MagnetometerModel = SURPRISED) -> 
         seed=SEED, trajectory_key=61, run=run, imu_sampling=scenario.imu.sampling, options=options,
     )  # fmt: skip
     rows = np.searchsorted(truth.time_ns, drawn["dvl_time_ns"])
-    return Readings(simulation, model, options, drawn, drawn["initial"], truth.position_t_m[rows])
+    start = dict(drawn["initial"])
+    if world.from_compass:
+        start["attitude_t_p"] = drawn["magnetometer_attitude_t_p"][0]
+    return Readings(simulation, model, options, drawn, start, truth.position_t_m[rows])
 
 
 def yaw_rad(attitude_t_p: Array) -> Array:

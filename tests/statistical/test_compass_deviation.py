@@ -1,5 +1,7 @@
 """A compass that deviates with heading leads no filter astray: its readings are charged to the compass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ from tests.statistical.compass_worlds import (
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-RUNS = 5
+RUNS, QUARTERS = 5, 40
 MAGNETIC = WHITE.replace(yaw_offset_sd_rad=2.0 * DEGREE, yaw_walk_sd_rad=1.0 * DEGREE, walk_time_s=120.0)
 GYROCOMPASS = MagnetometerModel(yaw_sd_rad=0.1 * DEGREE, roll_pitch_sd_rad=0.1 * DEGREE)
 
@@ -48,6 +50,25 @@ def test_a_compass_that_deviates_is_no_evidence_against_the_filter(
     )
     if len(WORLDS[name].beams) > 2:
         assert all(one.error_m < reckoned(read).error_m for one, read in zip(ours, runs, strict=True))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_deviation_whatever_the_heading_of_the_first_leg(name: str) -> None:
+    """Started from the compass, as a replay starts, with first legs to the four quarters by turns.
+
+    The compass is wrong by up to 4.5°, 2.3 times what its grade claims of a reading, and by 2.4° RMS over the headings,
+    1.2 times. With another seed NEES was 2.5, and 4.1 where the start was 4.5° off. Run 0 is rare: it has 10 to 16 with
+    a compass as claimed, too.
+    """
+    tracks = []
+    for run in range(QUARTERS):
+        read = readings(replace(WORLDS[name], heading_deg=90.0 * (run % 4), from_compass=True), run)
+        tracks.append([filtered(read, "tc", 5), filtered(read, "tc", 0), reckoned(read)])
+    ours, never, floor = (np.mean([one.error_m for one in each]) for each in zip(*tracks, strict=True))
+    assert ours < 1.2 * never, (ours, never)
+    assert ours < floor, (ours, floor)
+    assert np.mean([one.nees for one, _, _ in tracks]) < 4.0
 
 
 @pytest.mark.long
