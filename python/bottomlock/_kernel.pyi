@@ -179,6 +179,7 @@ class ImuFaultsDict(TypedDict):
     out_of_range: int
     clipped: int
     stuck: int
+    jumped: int
     inflated_gaps: int
 
 @type_check_only

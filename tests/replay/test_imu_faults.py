@@ -50,7 +50,7 @@ def test_a_bad_reading_is_a_report_and_a_count() -> None:
     )
     assert report.covariance.shape == (0, 0)
     assert nav.state()["time_ns"] == before["time_ns"]
-    assert nav.imu_faults() == {"out_of_range": 1, "clipped": 0, "stuck": 0, "inflated_gaps": 0}
+    assert nav.imu_faults() == {"out_of_range": 1, "clipped": 0, "stuck": 0, "jumped": 0, "inflated_gaps": 0}
     nav.push_imu(20 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
     (ping,) = nav.push_beams(20 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
     assert type(ping) is type(report)
@@ -161,7 +161,7 @@ def test_a_recorded_dive_survives_a_bad_reading(tmp_path: Path) -> None:
     errors = ["err_position_north_m", "err_position_east_m"]
     apart = bad.samples.select(errors).to_numpy() - good.samples.select(errors).to_numpy()
     assert np.abs(apart).max() < 0.01
-    assert bad.manifest["imu_faults"][0] == "imu: readings rejected: 1 (1 out of range, 0 clipped, 0 stuck)"
+    assert bad.manifest["imu_faults"][0] == "imu: readings rejected: 1 (1 out of range, 0 clipped, 0 stuck, 0 jumped)"
     assert "30.000 s after the start" in bad.manifest["imu_faults"][1]
 
 

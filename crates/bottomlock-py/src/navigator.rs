@@ -316,7 +316,7 @@ impl Navigator {
         by_name(py, &STREAM_NAMES, &self.with(py, |inner| *inner.late_events())?)
     }
 
-    /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck), and of gaps longer than
+    /// Number of inertial readings that were rejected, by reason (out_of_range, clipped, stuck, jumped), and of gaps longer than
     /// `max_gap_s` that were bridged with inflation (inflated_gaps).
     fn imu_faults<'py>(&self, py: Python<'py>) -> Dict<'py> {
         by_name(py, &IMU_FAULTS, &self.with(py, |inner| *inner.imu_faults())?)

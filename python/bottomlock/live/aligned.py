@@ -255,43 +255,6 @@ def _motion_of_attitudes(
     return partial(MotionFromAttitude, units.rad_from_deg(origin.latitude_deg), longest_interval_s=longest_s)
 
 
-JERK_MPS3, ANGULAR_RADPS2 = 300.0, 50.0
-"""Change of the specific force, and of the angular rate, over the time between readings, that no vehicle exceeds."""
-NOISES = 15.0
-"""The same over the median change of the last readings: vibration is no jump."""
-IN_A_ROW = 2
-"""Readings that jump: the next is taken, since it is the vehicle that was hit."""
-
-
-class ImuJumps:
-    """Inertial readings that depart from the one before as no vehicle does: a bit that flipped, a line that was cut."""
-
-    def __init__(self) -> None:
-        self._before: tuple[int, Floats, Floats] | None = None
-        self._changes: deque[Floats] = deque(maxlen=100)
-        self._jumped = 0
-
-    def of(self, time_ns: int, omega: Floats, force: Floats) -> str:
-        """The jump of a reading in words; "" where it is none, and the next one is compared with it."""
-        if self._before is not None:
-            seconds = (time_ns - self._before[0]) * 1e-9
-            change = np.array([np.abs(omega - self._before[1]).max(), np.abs(force - self._before[2]).max()])
-            limit = np.array([ANGULAR_RADPS2, JERK_MPS3]) * seconds
-            if (change > limit).any() and self._changes and self._jumped < IN_A_ROW:
-                limit = np.maximum(limit, NOISES * np.median(self._changes, axis=0))
-                if (change > limit).any():
-                    self._jumped += 1
-                    pushed = change[1] > limit[1]
-                    return (
-                        f"a change of {change[1]:.3g} m/s²"
-                        if pushed
-                        else f"a change of {change[0]:.3g} rad/s"
-                    )
-            self._changes.append(change)
-        self._before, self._jumped = (time_ns, omega, force), 0
-        return ""
-
-
 class AlignedNavigator:
     """A navigator that waits for its alignment, and is then given every reading with the sections' errors.
 
@@ -306,7 +269,7 @@ class AlignedNavigator:
         time_ns: of the last reading that moved it; None before the alignment.
         omega_p_radps: (3,) of the last inertial reading; None before the first.
         water_counts: what became of the cells of the water.
-        imu_fault: why the last inertial reading cannot be used; "" if it can, or the kernel says why.
+        imu_fault: why the last inertial reading of the alignment cannot be used; "" if it can.
     """
 
     def __init__(
@@ -332,7 +295,6 @@ class AlignedNavigator:
         self.omega_p_radps: Floats | None = None
         self.water_counts = CellCounts()
         self.imu_fault = ""
-        self._jumps = ImuJumps()
 
     @property
     def turns(self) -> bool:
@@ -374,15 +336,10 @@ class AlignedNavigator:
             self._align(time_ns, omega, force)
             if self.navigator is None:
                 return ()
-        limits = self._settings.options.imu_limits
-        jump = self._jumps.of(time_ns, omega, force)
-        self.imu_fault = f"{jump}, more than any vehicle's between two readings" if jump else ""
-        if jump:
-            # The kernel then rejects it and claims what is lost with it.
-            force = np.full(3, 2.0 * limits.max_force_mps2)
         reports = self.navigator.push_imu(time_ns, omega_p_radps=omega, force_p_mps2=force)
         self._last_ns = self.time_ns = time_ns
-        self.omega_p_radps = self.omega_p_radps if jump else omega
+        is_rejected = any(report.sensor == "imu" and report.verdict == "rejected" for report in reports)
+        self.omega_p_radps = self.omega_p_radps if is_rejected else omega
         return reports
 
     def _align(self, time_ns: int, omega: Floats, force: Floats) -> None:

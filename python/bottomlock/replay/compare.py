@@ -172,7 +172,7 @@ def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """One row: inertial readings rejected, and gaps between them inflated (`tables.replay.IMU_FAULTS`)."""
     counts = rerun.result["imu_faults"]
     columns = _keys(case, what_if, 1) | {
-        "imu_rejected": counts["out_of_range"] + counts["clipped"] + counts["stuck"],
+        "imu_rejected": sum(counts.values()) - counts["inflated_gaps"],
         "imu_gaps_inflated": counts["inflated_gaps"],
     }
     return pl.DataFrame({key: columns[key] for key in IMU_FAULTS}, schema=dict(IMU_FAULTS))

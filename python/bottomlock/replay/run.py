@@ -175,7 +175,7 @@ def fault_words(result: rerun.Rerun) -> list[str]:
     words = []
     if rejected["reason"]:
         counts = [f"{count} {name.replace('_', ' ')}" for name, count in kernel_result["imu_faults"].items()]
-        words.append(f"imu: readings rejected: {len(rejected['reason'])} ({', '.join(counts[:3])})")
+        words.append(f"imu: readings rejected: {len(rejected['reason'])} ({', '.join(counts[:-1])})")
     for time_ns, reason in zip(rejected["time_ns"][:NAMED], rejected["reason"][:NAMED], strict=True):
         words.append(f"imu: rejected {(time_ns - start_ns) * 1e-9:.3f} s after the start: {reason}")
     if len(inflated["gap_s"]):

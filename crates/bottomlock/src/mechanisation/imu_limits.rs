@@ -151,6 +151,15 @@ pub enum Quantity {
     Force,
 }
 
+impl Quantity {
+    const fn name_and_unit(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Rate => ("angular rate", "rad/s"),
+            Self::Force => ("specific force", "m/s²"),
+        }
+    }
+}
+
 /// Why a reading was rejected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImuFault {
@@ -170,10 +179,19 @@ pub enum ImuFault {
         /// How many of them in a row are equal, this one included.
         readings: u32,
     },
+    /// Further from the last good one than any vehicle comes.
+    Jump {
+        /// What jumped.
+        quantity: Quantity,
+        /// By how much on the axis where it jumped most, rad/s or m/s².
+        change: f64,
+        /// In how long, s.
+        step_s: f64,
+    },
 }
 
 /// Names of what is counted, in order.
-pub const IMU_FAULTS: [&str; 4] = ["out_of_range", "clipped", "stuck", "inflated_gaps"];
+pub const IMU_FAULTS: [&str; 5] = ["out_of_range", "clipped", "stuck", "jumped", "inflated_gaps"];
 
 impl ImuFault {
     /// Its place in [`IMU_FAULTS`].
@@ -182,6 +200,7 @@ impl ImuFault {
         match self {
             Self::Range { value, limit, .. } => usize::from(value.abs() <= CLIPPED_TO * limit),
             Self::Stuck { .. } => 2,
+            Self::Jump { .. } => 3,
         }
     }
 }
@@ -195,10 +214,7 @@ impl std::fmt::Display for ImuFault {
                 value,
                 limit,
             } => {
-                let (name, unit) = match quantity {
-                    Quantity::Rate => ("angular rate", "rad/s"),
-                    Quantity::Force => ("specific force", "m/s²"),
-                };
+                let (name, unit) = quantity.name_and_unit();
                 let axis = ["x", "y", "z"][*axis];
                 let (what, hint) = match (self.kind(), quantity) {
                     (1, _) => ("clipped at", ""),
@@ -211,6 +227,17 @@ impl std::fmt::Display for ImuFault {
                 )
             }
             Self::Stuck { readings } => write!(text, "{readings} equal readings on all axes in a row: stuck"),
+            Self::Jump {
+                quantity,
+                change,
+                step_s,
+            } => {
+                let (name, unit) = quantity.name_and_unit();
+                write!(
+                    text,
+                    "{name} changes by {change:.3} {unit} in {step_s:.3} s, more than any vehicle's: a flipped bit?"
+                )
+            }
         }
     }
 }

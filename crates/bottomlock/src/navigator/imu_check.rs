@@ -1,4 +1,4 @@
-//! The check of inertial readings that come from outside: range, clipping, stuck values, gaps.
+//! The check of inertial readings that come from outside: range, clipping, stuck values, jumps, gaps.
 //!
 //! A reading that is rejected moves nothing: the next good one carries the interval, whose further uncertainty is that of
 //! `filter/bridge.rs`. So does the first good one after a gap in time longer than the limit, where the options ask for it.
@@ -6,19 +6,31 @@
 //! Readings of a simulation without noise are equal for minutes, and those of a real instrument never are. Equal readings
 //! therefore count as stuck only where the model has noise of both gyros and accelerometers, and where the options say after
 //! how many.
+//!
+//! A reading that departs from the last good one faster than any vehicle turns or is pushed, and by far more than readings
+//! usually change, is a bit that flipped or a line that was cut. After two of them the next one is taken: the vehicle was hit.
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::NavError;
+use crate::error::{NavError, require_non_negative};
 use crate::filter::{BridgeNoise, seconds_between};
-use crate::mechanisation::{IMU_FAULTS, ImuFault, ImuLimits, ImuSample, LongGap};
+use crate::mechanisation::{IMU_FAULTS, ImuFault, ImuLimits, ImuSample, LongGap, Quantity};
 use crate::model::ImuModel;
 
 /// The place of inflated gaps in [`IMU_FAULTS`].
-const INFLATED: usize = 3;
+const INFLATED: usize = 4;
 
 /// Longest step of which no doubt is possible, ns: readings within their full scale change little in it.
 const PLAIN_STEP_NS: i64 = 1_000_000_000;
+
+/// Change of the angular rate, rad/s², and of the specific force, m/s³, that no vehicle exceeds.
+const FASTEST_CHANGE: [f64; 2] = [50.0, 300.0];
+/// The same over the usual change between readings: vibration is no jump.
+const USUAL: f64 = 15.0;
+/// Readings in a row that jump.
+const MOST_JUMPS: u32 = 2;
+/// Weight of a reading in the usual change.
+const MEMORY: f64 = 0.01;
 
 /// The check, and what it has seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,6 +38,12 @@ pub(crate) struct ImuCheck {
     limits: ImuLimits,
     /// The last reading, good or not.
     last: Option<ImuSample>,
+    /// The last good one.
+    good: Option<ImuSample>,
+    /// Usual change of rate and force between good readings; `None` before the second.
+    usual: Option<[f64; 2]>,
+    /// How many readings in a row have jumped.
+    jumped: u32,
     /// How many readings in a row are equal to the last one, itself included.
     equal: u32,
     /// Whether readings were rejected since the last good one.
@@ -52,6 +70,9 @@ impl ImuCheck {
                 ..*limits
             },
             last: None,
+            good: None,
+            usual: None,
+            jumped: 0,
             equal: 0,
             is_bridging: false,
             counts: [0; IMU_FAULTS.len()],
@@ -64,7 +85,12 @@ impl ImuCheck {
     /// [`NavError`] that names the number.
     pub(crate) fn check_restored(&self) -> Result<(), NavError> {
         self.limits.validate()?;
-        self.last.map_or(Ok(()), |last| last.validate())
+        let readings = [self.last, self.good].into_iter().flatten();
+        readings.into_iter().try_for_each(|reading| reading.validate())?;
+        let usual = self.usual.into_iter().flatten();
+        usual
+            .into_iter()
+            .try_for_each(|change| require_non_negative("usual change of inertial readings", change))
     }
 
     /// Time of the last reading, good or not, ns.
@@ -88,6 +114,7 @@ impl ImuCheck {
             && step_ns as f64 * 1e-9 <= self.limits.max_gap_s
             && self.limits.is_in_range(sample)
             && self.stuck(sample).is_none()
+            && self.jump(sample).is_none()
     }
 
     /// Judges a reading, `good_ns` being the time of the last good one or of the start; changes nothing.
@@ -115,7 +142,8 @@ impl ImuCheck {
 
     /// What is wrong with a reading, whatever the gap before it.
     pub(crate) fn fault(&self, sample: &ImuSample) -> Option<ImuFault> {
-        self.limits.range_fault(sample).or_else(|| self.stuck(sample))
+        let fault = self.limits.range_fault(sample).or_else(|| self.stuck(sample));
+        fault.or_else(|| self.jump(sample))
     }
 
     /// Takes note of a reading that was judged and taken.
@@ -138,8 +166,56 @@ impl ImuCheck {
         if let Some(fault) = fault {
             self.counts[fault.kind()] += 1;
         }
+        match fault {
+            None => self.note_change(sample),
+            Some(ImuFault::Jump { .. }) => self.jumped += 1,
+            Some(_) => {}
+        }
         self.is_bridging = fault.is_some();
         self.last = Some(*sample);
+    }
+
+    /// Takes note of how a good reading has changed, as far as a vehicle changes.
+    #[inline]
+    fn note_change(&mut self, sample: &ImuSample) {
+        if let Some(good) = &self.good {
+            let change = change(sample, good);
+            let limit = self.largest_change(good, sample);
+            let usual = self.usual.get_or_insert([0, 1].map(|k| change[k].min(limit[k])));
+            for k in 0..2 {
+                usual[k] += MEMORY * (change[k].min(limit[k]) - usual[k]);
+            }
+        }
+        (self.good, self.jumped) = (Some(*sample), 0);
+    }
+
+    /// Largest change of rate and force from the last good reading that is no jump.
+    #[inline]
+    fn largest_change(&self, good: &ImuSample, sample: &ImuSample) -> [f64; 2] {
+        let step_s = seconds_between(good.time_ns, sample.time_ns);
+        let usual = self.usual.unwrap_or_default();
+        [0, 1].map(|k| (FASTEST_CHANGE[k] * step_s).max(USUAL * usual[k]))
+    }
+
+    #[inline]
+    fn jump(&self, sample: &ImuSample) -> Option<ImuFault> {
+        let good = self.good.as_ref()?;
+        let (change, limit) = (change(sample, good), self.largest_change(good, sample));
+        let jumps = [0, 1].map(|k| change[k] > limit[k]);
+        if !(jumps[0] || jumps[1]) || self.usual.is_none() || self.jumped >= MOST_JUMPS {
+            return None;
+        }
+        let (quantity, change) = if jumps[1] {
+            (Quantity::Force, change[1])
+        } else {
+            (Quantity::Rate, change[0])
+        };
+        let step_s = seconds_between(good.time_ns, sample.time_ns);
+        Some(ImuFault::Jump {
+            quantity,
+            change,
+            step_s,
+        })
     }
 
     fn is_long(&self, sample: &ImuSample, good_ns: i64) -> bool {
@@ -165,6 +241,15 @@ impl ImuCheck {
             1
         }
     }
+}
+
+/// Largest change on an axis from another reading, of the angular rate, rad/s, and of the specific force, m/s².
+#[inline]
+fn change(sample: &ImuSample, from: &ImuSample) -> [f64; 2] {
+    [
+        (sample.rate_p_radps - from.rate_p_radps).0.amax(),
+        (sample.force_p_mps2 - from.force_p_mps2).0.amax(),
+    ]
 }
 
 #[cfg(test)]

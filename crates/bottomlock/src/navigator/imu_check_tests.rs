@@ -50,7 +50,7 @@ fn rejected_readings_are_bridged_by_the_next_good_one() {
     let forces = [0.1, 1000.0, 100.0, 0.2, 0.3];
     let readings: Vec<_> = (0..).zip(forces).map(|(k, force)| reading(10 * k, force)).collect();
     assert_eq!(verdicts(&mut check, &readings), "grrbg");
-    assert_eq!(check.counts(), &[1, 1, 0, 0]);
+    assert_eq!(check.counts(), &[1, 1, 0, 0, 0]);
 }
 
 /// A gap of exactly the limit is none; a nanosecond more is refused, and so is a bad reading that late.
@@ -78,7 +78,7 @@ fn gaps_are_inflated_where_asked() {
     let mut check = check(|limits| limits.gap = LongGap::Inflate);
     let readings = [0, 2_000, 2_010, 13_000, 12_010].map(|time_ms| reading(time_ms, 0.0));
     assert_eq!(verdicts(&mut check, &readings), "gbgeb");
-    assert_eq!(check.counts(), &[0, 0, 0, 2]);
+    assert_eq!(check.counts(), &[0, 0, 0, 0, 2]);
 }
 
 /// The third of three equal readings is rejected, and what follows until they differ; negative and positive zero are equal.
@@ -88,7 +88,7 @@ fn stuck_readings_are_rejected() {
     let forces = [0.0, -0.0, 0.0, 0.0, 0.5, 0.5, 0.4, 0.4, 0.4];
     let readings: Vec<_> = (0..).zip(forces).map(|(k, force)| reading(10 * k, force)).collect();
     assert_eq!(verdicts(&mut check, &readings), "ggrrbgggr");
-    assert_eq!(check.counts(), &[0, 0, 3, 0]);
+    assert_eq!(check.counts(), &[0, 0, 3, 0, 0]);
 }
 
 /// Without noise in the model equal readings are those of a simulation.
@@ -106,4 +106,43 @@ fn readings_without_noise_are_not_stuck() {
         verdicts(&mut ImuCheck::new(&limits, &Model::table_2().imu), &readings),
         "grrr"
     );
+}
+
+/// Within 10 ms a force changes by up to 3 m/s²; more is a jump, twice in a row, and the third reading is taken. The first change
+/// is always taken, and where readings usually change by 1 m/s² one of 14 m/s² is none.
+#[test]
+fn readings_that_jump_are_rejected() {
+    let judged = |forces: &[f64]| {
+        let mut check = check(|_| {});
+        let readings: Vec<_> = (0..).zip(forces).map(|(k, &force)| reading(10 * k, force)).collect();
+        (verdicts(&mut check, &readings), check.counts()[3])
+    };
+    assert_eq!(judged(&[0.0, 0.0, 2.9, 0.0]), ("gggg".into(), 0));
+    assert_eq!(judged(&[0.0, 0.0, 3.1, 0.0]), ("ggrb".into(), 1));
+    assert_eq!(judged(&[0.0, 40.0, 40.0]), ("ggg".into(), 0));
+    // Two readings later it is 30 ms since the last good one: 9 m/s².
+    assert_eq!(judged(&[0.0, 0.0, 40.0, 40.0, 40.0, 40.0]), ("ggrrbg".into(), 2));
+    let shaken = |jump: f64| {
+        let mut forces: Vec<f64> = (0..500).map(|k| f64::from(k % 2)).collect();
+        forces.push(jump);
+        judged(&forces).1
+    };
+    assert_eq!((shaken(14.5), shaken(16.5)), (0, 1));
+}
+
+/// A rate that jumps is named with how far.
+#[test]
+fn a_jump_is_named() {
+    let mut check = check(|_| {});
+    verdicts(&mut check, &[0, 10, 20].map(|time_ms| reading(time_ms, 0.0)));
+    let mut jumped = reading(30, 0.0);
+    jumped.rate_p_radps = Vec3::new(0.0, -0.6, 0.0);
+    let text = check.fault(&jumped).unwrap().to_string();
+    assert_eq!(
+        text,
+        "angular rate changes by 0.600 rad/s in 0.010 s, more than any vehicle's: a flipped bit?"
+    );
+    assert!(!check.is_plain(&jumped, 20 * MS) && check.is_plain(&reading(30, 0.0), 20 * MS));
+    check.usual = Some([f64::NAN; 2]);
+    assert!(check.check_restored().is_err());
 }
