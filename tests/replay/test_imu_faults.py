@@ -161,7 +161,10 @@ def test_a_recorded_dive_survives_a_bad_reading(tmp_path: Path) -> None:
     errors = ["err_position_north_m", "err_position_east_m"]
     apart = bad.samples.select(errors).to_numpy() - good.samples.select(errors).to_numpy()
     assert np.abs(apart).max() < 0.01
-    assert bad.manifest["imu_faults"][0] == "imu: readings rejected: 1 (1 out of range, 0 clipped, 0 stuck, 0 jumped)"
+    assert (
+        bad.manifest["imu_faults"][0]
+        == "imu: readings rejected: 1 (1 out of range, 0 clipped, 0 stuck, 0 jumped)"
+    )
     assert "30.000 s after the start" in bad.manifest["imu_faults"][1]
 
 
