@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.cli.live import serve_page
 from bottomlock.errors import DataError
-from bottomlock.live.connections import cancel
+from bottomlock.live.loop import cancel
 from bottomlock.live.runner import Live, begin, host_clock
 from bottomlock.ports.estimate import SILENT
 from tests.attack.timers import Loop, descriptors, resident_mb

@@ -6,17 +6,18 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from bottomlock.errors import OutputError
 from bottomlock.instruments.faults import Faults
-from bottomlock.instruments.play import Channel, parse_address, play, transport_of
+from bottomlock.instruments.play import Channel, parse_address, play, sink_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.sources import readings_of_scenario
-from bottomlock.instruments.transports import TcpServer
+from bottomlock.live.sinks import Sink
 from tests.instruments.test_instruments import sent_of, short
 
 
@@ -26,12 +27,10 @@ def readings() -> Readings:
     return readings_of_scenario(short(rate_hz=5.0))
 
 
-def run(transport: object, sent: list[Record], opened: Callable[[], None], *, wait: bool = True) -> None:
-    """Plays records at full speed."""
-    channel = Channel("dvl", transport, lambda _: iter(sent))  # type: ignore[arg-type]
-    asyncio.run(
-        play([channel], speed=None, opened=opened, offset_ns=lambda: 0, sent=lambda *_: None, wait=wait)
-    )
+def run(sink: Sink, sent: list[Record], opened: Callable[[], None], speed: float | None = None) -> None:
+    """Plays records, at full speed unless one is given."""
+    channel = Channel("dvl", sink, lambda _: iter(sent))
+    asyncio.run(play([channel], speed=speed, opened=opened, offset_ns=lambda: 0, sent=lambda *_: None))
 
 
 class Client(threading.Thread):
@@ -57,7 +56,7 @@ class Client(threading.Thread):
 def test_tcp_brings_the_same_bytes_to_every_client(readings: Readings) -> None:
     """Two clients from the start, one of which leaves early and disturbs nobody."""
     sent = sent_of(readings, Faults(drops=0.1, half_lines=0.1))
-    server = transport_of(parse_address("tcpin:0", "--dvl"))
+    server = sink_of(parse_address("tcpin:0", "--dvl"))
     clients: list[Client] = []
 
     def opened() -> None:
@@ -65,13 +64,11 @@ def test_tcp_brings_the_same_bytes_to_every_client(readings: Readings) -> None:
         clients.extend(Client(port, most=1) for _ in range(2))
         for client in clients:
             client.start()
+        while not all(client.connections for client in clients):
+            time.sleep(0.01)
 
-    async def both_ready() -> None:
-        while len(server._clients) < 2:  # type: ignore[attr-defined]  # noqa: ASYNC110 - the server tells nobody
-            await asyncio.sleep(0.01)
-
-    server.ready = both_ready  # type: ignore[method-assign]
-    run(server, sent, opened)
+    # They are accepted one after the other, before the first record is due.
+    run(server, [Record(sent[0].due_ns - 2_400_000_000, b""), *sent], opened, speed=24.0)
     for client in clients:
         client.join(10)
         assert client.connections == [b"".join(one.data for one in sent)]
@@ -81,26 +78,15 @@ def test_tcp_reconnects_and_loses_nothing_of_a_connection(readings: Readings) ->
     """After a reconnect a client that comes back reads whole records; each connection is a part of the stream."""
     sent = sent_of(readings, Faults(reconnects=0.1), seed=3)
     assert sum(one.closes for one in sent) > 2
-    server = TcpServer("127.0.0.1", 0)
+    server = sink_of(parse_address("tcpin:0", "--dvl"))
     found: list[Client] = []
 
     def opened() -> None:
         found.append(Client(int(server.where.rpartition(":")[2])))
         found[0].start()
 
-    def slow(_: object) -> Iterator[Record]:
-        # A run of 12 s in about half a second: the client needs time to come back.
-        return iter(sent)
-
-    asyncio.run(
-        play(
-            [Channel("dvl", server, slow)],
-            speed=24.0,
-            opened=opened,
-            offset_ns=lambda: 0,
-            sent=lambda *_: None,
-        )
-    )
+    # A run of 12 s in about half a second: the client needs time to come back.
+    run(server, sent, opened, speed=24.0)
     found[0].join(10)
     whole = b"".join(one.data for one in sent)
     parts = found[0].connections
@@ -111,13 +97,20 @@ def test_tcp_reconnects_and_loses_nothing_of_a_connection(readings: Readings) ->
         at = whole.index(part, at)
 
 
+def test_a_port_in_use_is_one_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        sink = sink_of(parse_address(f"tcpin:{taken.getsockname()[1]}", "--dvl"))
+        with pytest.raises(OutputError, match=r"^--dvl: cannot be opened \(Address already in use"):
+            run(sink, [], lambda: None)
+
+
 def test_udp_sends_a_record_a_datagram(readings: Readings) -> None:
     sent = sent_of(readings, Faults(drops=0.2))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind(("127.0.0.1", 0))
         line.settimeout(10)
         run(
-            transport_of(parse_address(f"udpout:127.0.0.1:{line.getsockname()[1]}", "--dvl")),
+            sink_of(parse_address(f"udpout:127.0.0.1:{line.getsockname()[1]}", "--dvl")),
             sent,
             lambda: None,
         )
@@ -144,7 +137,7 @@ def test_pty_brings_the_same_bytes_and_leaves_no_link(tmp_path: Path, readings: 
         readers.append(threading.Thread(target=read, args=(device,), daemon=True))
         readers[0].start()
 
-    run(transport_of(parse_address(f"pty:{link}", "--dvl")), sent, opened)
+    run(sink_of(parse_address(f"pty:{link}", "--dvl")), sent, opened)
     readers[0].join(10)
     assert bytes(got) == whole
     assert not link.is_symlink()
@@ -153,24 +146,22 @@ def test_pty_brings_the_same_bytes_and_leaves_no_link(tmp_path: Path, readings: 
 def test_a_terminal_that_nobody_reads_holds_nothing_up(readings: Readings) -> None:
     """Bytes of a full line are lost, once after a short wait, then at once."""
     sent = sent_of(readings) * 4
-    run(transport_of(parse_address("pty", "--dvl")), sent, lambda: None)
+    run(sink_of(parse_address("pty", "--dvl")), sent, lambda: None)
 
 
 def test_a_client_that_does_not_read_holds_nobody_up() -> None:
     """In real time: 40 MB leave at once, and the sleeper is dropped."""
     sent = [Record(0, b"x" * (1 << 20)) for _ in range(40)]
-    server = TcpServer("127.0.0.1", 0, patient=False)
+    server = sink_of(parse_address("tcpin:0", "--dvl"))
+    sleeper = socket.socket()
+    begin_s = 0.0
 
-    async def send() -> float:
-        await server.open()
-        port = int(server.where.rpartition(":")[2])
-        with socket.create_connection(("127.0.0.1", port)):
-            await server.ready()
-            start = time.monotonic()
-            for one in sent:
-                await server.send(one.data)
-            await server.close()
-            return time.monotonic() - start
+    def opened() -> None:
+        nonlocal begin_s
+        sleeper.connect(("127.0.0.1", int(server.where.rpartition(":")[2])))
+        begin_s = time.monotonic()
 
-    assert asyncio.run(send()) < 4.0
-    assert not server._clients
+    with sleeper:
+        run(server, sent, opened, speed=1.0)
+    assert time.monotonic() - begin_s < 4.0
+    assert not list(server.receivers)

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from bottomlock.live.connections import Connection, cancel
+from bottomlock.live.loop import cancel
 from bottomlock.live.sinks import open_sink
+from bottomlock.live.sources import open_source
 from bottomlock.ports.address import sink_address, source_address
 from tests.live.world import World
 
@@ -47,14 +48,14 @@ async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
         found.extend(data)
         return True
 
-    connection = Connection(
+    source = open_source(
         source_address(address),
         on_data=take,
         on_connected=opened.set,
         on_state=lambda _: None,
         silence_s=60.0,
     )
-    task = asyncio.create_task(connection.run())
+    task = asyncio.create_task(source.run())
     async with asyncio.timeout(LIMIT_S):
         await opened.wait()
     if write is not None:

@@ -16,10 +16,10 @@ import pytest
 
 from bottomlock.encoders.registry import format_named
 from bottomlock.encoders.waterlinked_serial import SerialCommands
-from bottomlock.instruments.transports import TcpServer
+from bottomlock.instruments.play import parse_address, sink_of
 from bottomlock.live.config import LiveConfig, load_config
-from bottomlock.live.connections import cancel
 from bottomlock.live.engine import Engine
+from bottomlock.live.loop import cancel
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live, begin, host_clock
@@ -94,7 +94,7 @@ def test_a_serial_line_is_opened_once() -> None:
     os.set_blocking(ours, False)
 
     def all_read() -> bool:
-        if "connected" in live.connections[1].state and lines:
+        if "connected" in live.sources[1].state and lines:
             os.write(ours, lines.pop(0))
         live.sinks[0].write(b"sent")
         try:
@@ -104,7 +104,7 @@ def test_a_serial_line_is_opened_once() -> None:
         # A stream may begin within a line: the first is not read.
         return live.engine.sources[1].reader.records == 299
 
-    live.connections[1]._silence_s = 60.0
+    live.sources[1]._silence_s = 60.0
     asyncio.run(run_until(live, all_read))
     assert found.startswith(b"sent")
     for one in (ours, theirs):
@@ -135,8 +135,10 @@ def test_the_makers_clients_configure(served: str) -> None:
             while live.sinks[0].state != "0 clients":  # noqa: ASYNC110 - what is waited for has no event
                 await asyncio.sleep(0.01)
         else:
-            server = TcpServer("127.0.0.1", number, answers=commands().client)
-            await server.open()
+            sink = sink_of(parse_address(f"tcpin:{number}", "--dvl"), commands().client)
+            task = asyncio.create_task(sink.run())
+            while sink.state != "0 clients":  # noqa: ASYNC110
+                await asyncio.sleep(0.01)
         reader, writer = await asyncio.open_connection("127.0.0.1", number)
         data = b"".join(json.dumps(one).encode() for one in requests) + b"nonsense\n"
         for at in range(0, len(data), 50):
@@ -145,7 +147,7 @@ def test_the_makers_clients_configure(served: str) -> None:
         async with asyncio.timeout(LIMIT_S):
             lines = [json.loads(await reader.readline()) for _ in range(len(requests) + 1)]
         writer.close()
-        await (cancel(task) if served == "live" else server.close())
+        await cancel(task)
         return lines
 
     answers = asyncio.run(asked())

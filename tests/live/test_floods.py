@@ -10,14 +10,15 @@ from typing import Any
 
 import pytest
 
-from bottomlock.live.connections import MOST_WAITING, SECOND, Connection, cancel
 from bottomlock.live.health import HealthServer, status
+from bottomlock.live.loop import cancel
+from bottomlock.live.sources import MOST_WAITING, SECOND, Source, open_source
 from bottomlock.ports.address import source_address
 from tests.live.test_health import ask, flown, served
 
 
 def listened(
-    use: Callable[[int, Connection], Any], on_data: Callable[[bytes], bool]
+    use: Callable[[int, Source], Any], on_data: Callable[[bytes], bool]
 ) -> tuple[Any, list[str], int]:
     """What a client makes of a source that listens, what the source said, and how often it was connected."""
     said: list[str] = []
@@ -26,18 +27,18 @@ def listened(
     async def both() -> Any:  # noqa: ANN401
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
-        connection = Connection(
+        source = open_source(
             source_address(f"tcpin:127.0.0.1:{port}"),
             on_data=on_data,
             on_connected=lambda: connected.append(None),
             on_state=said.append,
             silence_s=60.0,
         )
-        task = asyncio.create_task(connection.run())
+        task = asyncio.create_task(source.run())
         async with asyncio.timeout(30.0):
             while "listening" not in said:  # noqa: ASYNC110 - what is waited for has no event
                 await asyncio.sleep(0.005)
-            result = await use(port, connection)
+            result = await use(port, source)
         await cancel(task)
         return result
 
@@ -47,7 +48,7 @@ def listened(
 def test_a_listening_source_holds_one_client() -> None:
     """Of thirty that stay silent each is sent away for the next."""
 
-    async def use(port: int, __: Connection) -> None:
+    async def use(port: int, __: Source) -> None:
         clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
         await asyncio.gather(*(reader.read(1) for reader, _ in clients[:-1]), return_exceptions=True)
         last, _ = clients[-1]
@@ -69,7 +70,7 @@ def test_of_a_flood_the_last_pieces_are_taken() -> None:
         time.sleep(0.001)
         return False
 
-    async def use(port: int, connection: Connection) -> tuple[int, int]:
+    async def use(port: int, source: Source) -> tuple[int, int]:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(bytes(size) + b"end")
         turns = 0
@@ -77,7 +78,7 @@ def test_of_a_flood_the_last_pieces_are_taken() -> None:
             await asyncio.sleep(0)
             turns += 1
         writer.close()
-        return connection.dropped, turns
+        return source.dropped, turns
 
     dropped, turns = listened(use, slow)[0]
     assert turns >= len(found) >= MOST_WAITING
@@ -148,7 +149,7 @@ def test_the_client_that_gives_readings_is_heard() -> None:
         found.append(data)
         return data.startswith(b"reading")
 
-    async def use(port: int, connection: Connection) -> int:
+    async def use(port: int, source: Source) -> int:
         _, first = await asyncio.open_connection("127.0.0.1", port)
         first.write(b"reading")
         while not found:  # noqa: ASYNC110
@@ -163,7 +164,7 @@ def test_the_client_that_gives_readings_is_heard() -> None:
         while len(found) < 2:  # noqa: ASYNC110
             await asyncio.sleep(0.005)
         second.close()
-        return connection.dropped
+        return source.dropped
 
     dropped, said, connected = listened(use, take)
     assert found == [b"reading", b"reading of the second"]

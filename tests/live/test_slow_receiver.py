@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from bottomlock.live.connections import cancel
+from bottomlock.live.loop import cancel
 from bottomlock.live.sinks import WAITING_S, Sink, open_sink
 from bottomlock.ports.address import sink_address
 

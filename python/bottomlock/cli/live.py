@@ -16,9 +16,9 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.live.config import LiveConfig, cautions, load_config
-from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.live.engine import Engine, Message
 from bottomlock.live.health import HealthServer, status
+from bottomlock.live.loop import cancel, cancel_at_signals
 from bottomlock.live.replay import Replayed, replay_log
 from bottomlock.live.runner import Live, Say, begin, host_clock
 from bottomlock.live.sections import DVL_FORMATS
@@ -142,7 +142,7 @@ async def _pinged(running: Live, patience_s: float | None) -> None:
             while patience_s is not None and not (pings.used or task.done()):  # noqa: ASYNC110
                 await asyncio.sleep(0.1)
     except TimeoutError:
-        states = zip(running.config.source, running.connections, strict=True)
+        states = zip(running.config.source, running.sources, strict=True)
         raise DataError(
             f"no ping of source '{pings.section.name}' within {patience_s:g} s: "
             + ", ".join(f"{section.name} {connection.state}" for section, connection in states)

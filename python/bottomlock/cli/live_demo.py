@@ -17,14 +17,14 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.instruments.faults import NONE
-from bottomlock.instruments.play import Channel, parse_address, play, transport_of
+from bottomlock.instruments.play import Channel, parse_address, play, sink_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record, depth_lines, imu_lines, records
 from bottomlock.instruments.sources import readings_of_scenario, with_geometry
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import cancel, cancel_at_signals
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import status
+from bottomlock.live.loop import cancel, cancel_at_signals
 from bottomlock.live.runner import Live, host_clock
 from bottomlock.ports.mavlink import dialect
 
@@ -227,7 +227,7 @@ class _Demo:
         tasks = [asyncio.create_task(self._play(channels, opened, clock))]
         try:
             await _first(tasks[0], opened)
-            places = {one.name: one.transport.where for one in channels}
+            places = {one.name: one.sink.where for one in channels}
             places["port"] = f"udpout:127.0.0.1:{hearing.get_extra_info('sockname')[1]}"
             settings = demo_config(
                 self.scenario, self.readings, places, page_port=self.page_port, speed=self.speed
@@ -259,8 +259,7 @@ class _Demo:
             "depth": lambda offset_ns: depth_lines(depths, offset_ns=offset_ns),
         }
         for name, maker in makers.items():
-            transport = transport_of(parse_address("tcpin:0", name), patient=False)
-            yield Channel(name, transport, maker)
+            yield Channel(name, sink_of(parse_address("tcpin:0", name)), maker)
 
     async def _play(self, channels: list[Channel], opened: asyncio.Event, clock: Clock) -> None:
         def begin() -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bottomlock.cli.console import errors
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
-from bottomlock.live.connections import cancel, cancel_at_signals
+from bottomlock.live.loop import cancel, cancel_at_signals
 from bottomlock.setup.folder import SetupFolder
 from bottomlock.setup.process import LiveProcess
 from bottomlock.setup.server import PORT, SetupServer

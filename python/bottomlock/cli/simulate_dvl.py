@@ -21,7 +21,7 @@ from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
 from bottomlock.instruments.faults import parse_faults
-from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, transport_of
+from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, sink_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records, sent_table
 from bottomlock.instruments.sources import (
@@ -30,8 +30,7 @@ from bottomlock.instruments.sources import (
     readings_of_scenario,
     with_geometry,
 )
-from bottomlock.instruments.transports import Transport, no_answers
-from bottomlock.live.connections import cancel_at_signals
+from bottomlock.live.loop import cancel_at_signals
 from bottomlock.replay.case import load_case
 
 DEFAULT_START = "2026-01-01T00:00:00"
@@ -116,11 +115,11 @@ def simulate_dvl(
         makers["depth"] = lambda offset_ns: depth_lines(depths, offset_ns=offset_ns)
     commands = format_named(format).commands
 
-    def transport(name: str) -> Transport:
-        answers = commands().client if commands is not None and name == "dvl" else no_answers
-        return transport_of(addresses[name], force=force, patient=pace is None, answers=answers)
-
-    parts = [Channel(name, transport(name), makers[name]) for name in makers]
+    answering = {} if commands is None else {"dvl": commands().client}
+    parts = [
+        Channel(name, sink_of(addresses[name], answering.get(name), force=force), maker)
+        for name, maker in makers.items()
+    ]
     tally = _Tally(keep=truth is not None)
     try:
         asyncio.run(_run(parts, tally, pace=pace, shift=shift, wait=wait, format_name=format))
@@ -165,8 +164,8 @@ async def _run(
     def opened() -> None:
         for part in parts:
             what = format_name if part.name == "dvl" else "lines"
-            say(f"{part.name}: {what} on {part.transport.where}")
-        if wait and any(part.transport.where.startswith("tcp:") for part in parts):
+            say(f"{part.name}: {what} on {part.sink.where}")
+        if wait and any(part.is_server for part in parts):
             say("starts once every TCP server has a client (--no-wait: at once)")
         console.file.flush()
 

@@ -2,24 +2,20 @@
 
 import asyncio
 import heapq
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bottomlock.errors import OutputError
+from bottomlock.instruments.pty import Pty
 from bottomlock.instruments.schedule import Record
-from bottomlock.instruments.transports import (
-    File,
-    NewAnswers,
-    Pty,
-    Serial,
-    TcpServer,
-    Transport,
-    Udp,
-    no_answers,
-)
+from bottomlock.live.loop import NOT_OPENED, words_of
+from bottomlock.live.sinks import POLL_S, Sink, open_sink
+from bottomlock.live.sources import no_answer
 from bottomlock.ports.address import Address, Kind, forms
 from bottomlock.ports.address import parse_address as parse
+from bottomlock.ports.port import Answers
 
 KINDS: tuple[Kind, ...] = ("tcpin", "udpout", "pty", "serial", "file")
 EXPECTED = forms(KINDS)
@@ -40,25 +36,25 @@ def parse_address(text: str, option: str) -> Address:
         raise OutputError(error, place=option) from error
 
 
-def transport_of(
-    address: Address, *, force: bool = False, patient: bool = True, answers: NewAnswers = no_answers
-) -> Transport:
-    """The transport of an address; it is opened in the event loop.
+UNWRITTEN_BYTES = 65_536
+"""At full speed so much may wait for a reader before the next record."""
+
+
+def sink_of(address: Address, answers: Callable[[], Answers] | None = None, *, force: bool = False) -> Sink:
+    """Where an instrument sends.
 
     Args:
-        address: where to send.
+        address: where to.
+        answers: makes what answers the commands of a client; None for an instrument that takes none.
         force: overwrite a file.
-        patient: a TCP server waits for slow clients, as at full speed it should; else it keeps its pace.
-        answers: makes what answers the commands of a client.
+
+    Raises:
+        OutputError: for a file that cannot be made.
     """
-    if address.kind == "tcpin":
-        return TcpServer(address.host, address.port, patient=patient, answers=answers)
-    if address.kind == "udpout":
-        return Udp(address.host, address.port)
+    answers = answers or (lambda: no_answer)
     if address.kind == "pty":
-        return Pty(Path(address.path) if address.path else None, answers)
-    path = Path(address.path)
-    return Serial(path, address.baud, answers) if address.kind == "serial" else File(path, force=force)
+        return Pty(Path(address.path) if address.path else None, answers())
+    return open_sink(address, lambda _: None, answers, whole=True, mode="wb" if force else "xb")
 
 
 @dataclass(frozen=True)
@@ -66,18 +62,38 @@ class Channel:
     """An instrument's records and where they go."""
 
     name: str
-    transport: Transport
+    sink: Sink
     records: Callable[[int], Iterator[Record]]
     """Given what is added to the run's times, the records in the order of sending."""
 
+    @property
+    def is_server(self) -> bool:
+        """Whether clients come."""
+        return self.sink.where.startswith("tcp:")
 
-async def _due(channel: Channel, record: Record, wait_s: float) -> None:
-    # Also at full speed: a turn of the loop lets clients come, go and be served.
-    await asyncio.sleep(max(wait_s, 0.0))
-    if record.data:
-        await channel.transport.send(record.data)
-    if record.closes:
-        await channel.transport.reconnect()
+    async def send(self, record: Record, most_bytes: float) -> None:
+        """Sends a record once no receiver has more bytes unwritten."""
+        sink = self.sink
+        if record.data and not sink.write(record.data) and sink.state.startswith("cannot be written"):
+            raise OutputError(sink.state, place=sink.where)
+        await sink.drained(most_bytes)
+        if record.closes:
+            sink.part()
+
+
+async def _until(condition: Callable[[], bool], running: Mapping[str, "asyncio.Task[None]"]) -> None:
+    """Waits until a condition holds.
+
+    Raises:
+        OutputError: where a sink fails meanwhile.
+    """
+    while not condition():
+        for name, task in running.items():
+            if task.done() and isinstance(error := task.exception(), OSError):
+                raise OutputError(f"cannot be opened ({words_of(error)})", place=f"--{name}") from error
+            if task.done():
+                task.result()
+        await asyncio.sleep(POLL_S)
 
 
 async def play(
@@ -89,7 +105,7 @@ async def play(
     sent: Callable[[Channel, Record], None],
     wait: bool = True,
 ) -> None:
-    """Opens every transport, sends every record, and closes them, also when cancelled.
+    """Opens every sink, sends every record, and closes them, also when cancelled.
 
     Args:
         channels: the instruments.
@@ -100,18 +116,19 @@ async def play(
         wait: start when every TCP server has a client.
 
     Raises:
-        OutputError: where a transport cannot be opened or written.
+        OutputError: where a sink cannot be opened or written.
         DataError: for a number that the format does not hold.
     """
     loop = asyncio.get_running_loop()
+    for channel in channels:
+        channel.sink.retries = False
+    running = {channel.name: asyncio.create_task(channel.sink.run()) for channel in channels}
     try:
-        for channel in channels:
-            await channel.transport.open()
+        await _until(lambda: all(channel.sink.state != NOT_OPENED for channel in channels), running)
         opened()
-        if wait:
-            for channel in channels:
-                await channel.transport.ready()
-        offset = offset_ns()
+        servers = [channel.sink for channel in channels if wait and channel.is_server]
+        await _until(lambda: all(list(sink.receivers) for sink in servers), running)
+        offset, most_bytes = offset_ns(), UNWRITTEN_BYTES if speed is None else math.inf
 
         def named(channel: Channel) -> Iterator[tuple[Channel, Record]]:
             return ((channel, record) for record in channel.records(offset))
@@ -120,8 +137,13 @@ async def play(
         for channel, record in heapq.merge(*map(named, channels), key=lambda pair: pair[1].due_ns):
             first_ns = record.due_ns if first_ns is None else first_ns
             due_s = start_s if speed is None else start_s + (record.due_ns - first_ns) * 1e-9 / speed
-            await _due(channel, record, due_s - loop.time())
+            # Also at full speed: a turn of the loop lets clients come, go and be served.
+            await asyncio.sleep(max(due_s - loop.time(), 0.0))
+            await channel.send(record, most_bytes)
             sent(channel, record)
-    finally:
         for channel in channels:
-            await channel.transport.close()
+            await channel.sink.finish()
+    finally:
+        for task in running.values():
+            task.cancel()
+        await asyncio.gather(*running.values(), return_exceptions=True)

@@ -100,7 +100,7 @@ def _age_s(now_ns: int, then_ns: int) -> float:
 
 
 def _source(live: Live, place: int, now_ns: int) -> dict[str, Any]:
-    one, connection = live.engine.sources[place], live.connections[place]
+    one, connection = live.engine.sources[place], live.sources[place]
     return {
         "name": one.section.name,
         "format": one.section.format,

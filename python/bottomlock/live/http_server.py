@@ -6,19 +6,17 @@ is therefore a POST with `Content-Type: application/json`: before that a browser
 """
 
 import asyncio
-import contextlib
 import ipaddress
-import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 
-from bottomlock.live.connections import accept, listen
+from bottomlock.live.loop import TcpServer
 
 HTML, JSON, TEXT = "text/html; charset=utf-8", "application/json", "text/plain"
 REQUEST_S = 5.0
 """Longest time that a request, and a client that does not read, is waited for."""
-_HEAD_BYTES, _BODY_BYTES = 8192, 65_536
+_BODY_BYTES = 65_536
 _CLIENTS = 32
 """Most connections at a time."""
 
@@ -53,12 +51,15 @@ class HttpServer:
     def __init__(
         self, host: str, port: int, *, names: Sequence[str] = (), say: Callable[[str], None] = lambda _: None
     ) -> None:
-        self._host, self._port, self._say = host, port, say
+        self._host, self._port = host, port
         lower = [name.lower() for name in names]
         self._names = {"localhost", host.lower(), *(name for name in lower if not name.startswith("."))}
         self._endings = tuple(name for name in lower if name.startswith("."))
-        self._silent: dict[asyncio.StreamWriter, None] = {}
-        self._clients: dict[asyncio.StreamWriter, asyncio.Task[None]] = {}
+        self._asked: set[asyncio.StreamWriter] = set()
+        # A further client takes the place of the one that has asked nothing for longest.
+        self._server = TcpServer(
+            self._talk, most=_CLIENTS, idle=lambda client: client not in self._asked, say=say
+        )
         self.url, self.place = "", f"{host}:{port}"
 
     async def run(self, opened: Callable[[], None] = lambda: None) -> None:
@@ -67,56 +68,29 @@ class HttpServer:
         Raises:
             OSError: where the address cannot be used.
         """
-        servers = await listen(self._host, self._port)
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        self.url = f"http://{host}:{servers[0].getsockname()[1]}/"
-        opened()
-        try:
-            await asyncio.gather(*(accept(server, self._add, self._say) for server in servers))
-        finally:
-            for server in servers:
-                server.close()
-            for task in self._clients.values():
-                task.cancel()
 
-    async def _add(self, client: socket.socket) -> None:
-        """A further client, in place of the one that has asked nothing for longest where there is no room."""
-        if len(self._clients) >= _CLIENTS:
-            if not self._silent:
-                client.close()
-                return
-            oldest = next(iter(self._silent))
-            del self._silent[oldest]
-            self._clients.pop(oldest).cancel()
-            oldest.transport.abort()
-        loop = asyncio.get_running_loop()
-        reader = asyncio.StreamReader(limit=_HEAD_BYTES)
-        protocol = asyncio.StreamReaderProtocol(reader)
-        transport, _ = await loop.connect_accepted_socket(lambda: protocol, client)
-        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
-        self._silent[writer] = None
-        self._clients[writer] = asyncio.create_task(self._client(reader, writer))
+        def listening(port: int) -> None:
+            host = f"[{self._host}]" if ":" in self._host else self._host
+            self.url = f"http://{host}:{port}/"
+            opened()
 
-    async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await self._server.run(self._host, self._port, listening)
+
+    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             async with asyncio.timeout(REQUEST_S):
                 request = await self._request(reader)
-            self._silent.pop(writer, None)
+            self._asked.add(writer)
             if isinstance(request, bytes):
                 writer.write(request)
             else:
                 client = writer.get_extra_info("peername")[0]
                 await self._answer(replace(request, client=client), writer)
             await writer.drain()
-        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # a client that went away, or never asked anything
-        except asyncio.CancelledError:
-            pass  # the program ends, or another client has its place
+        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+            pass  # a client that never asked anything
         finally:
-            self._silent.pop(writer, None)
-            self._clients.pop(writer, None)
-            with contextlib.suppress(OSError):
-                writer.close()
+            self._asked.discard(writer)
 
     async def _request(self, reader: asyncio.StreamReader) -> Request | bytes:
         """A request that may be answered, or the answer to one that may not."""

@@ -6,6 +6,7 @@ import gc
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,11 +15,12 @@ from bottomlock.files.atomic_write import write_bytes
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.connections import Connection, cancel
 from bottomlock.live.engine import TICK_NS, Engine, Message
+from bottomlock.live.loop import cancel
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.live.sinks import Sink, open_sink
+from bottomlock.live.sources import Source, open_source
 from bottomlock.ports.address import Address, sink_address, source_address
 from bottomlock.ports.mavlink import Heartbeat, MavlinkPort, MessageIntervals, Timesync
 from bottomlock.ports.port import Answers
@@ -88,6 +90,7 @@ class Live:
     """
 
     _ran_ns, _running = 0, False
+    _saved: Future[None] | None = None
 
     def __init__(
         self,
@@ -105,19 +108,19 @@ class Live:
         self.clock = clock or host_clock()
         self.faults, self._real_time = 0, real_time
         self._say, self._send = say, send
-        self.connections = [self._connection(place) for place in range(len(config.source))]
+        self.sources = [self._source(place) for place in range(len(config.source))]
         if sinks is None:
             sinks = [] if send is not None else list(self._sinks())
         self.sinks = sinks
         self.written = [0] * len(config.port)
-        self._listeners: list[Callable[[], None]] = []
+        self._saver = ThreadPoolExecutor(max_workers=1)
         self._state = engine.state
 
-    def _connection(self, place: int) -> Connection:
+    def _source(self, place: int) -> Source:
         section = self.config.source[place]
         address = source_address(section.address)
         speaks = isinstance(self.engine.sources[place].reader, MavlinkReader)
-        return Connection(
+        return open_source(
             address,
             on_data=lambda data: self.arrive(place, data),
             on_connected=lambda: self.connected(place),
@@ -130,7 +133,7 @@ class Live:
     def _sinks(self) -> Iterator[Sink]:
         """A target of each port; one that several ports, or a source, have the same address of is opened once."""
         known: dict[tuple[str, str, int], Sink] = {}
-        sources = {one.address.device: one for one in self.connections}
+        sources = {one.address.device: one for one in self.sources}
         for section in self.config.port:
             address = sink_address(section.to)
             if address.device not in known:
@@ -233,28 +236,33 @@ class Live:
             await self._run(collect)
 
     async def _run(self, collect: Callable[[], None]) -> None:
-        others = [asyncio.create_task(sink.run()) for sink in dict.fromkeys(self.sinks)]
-        others.append(asyncio.create_task(self._ticks(collect)))
-        if self.config.log is not None:
-            others.append(asyncio.create_task(self._flushes(self.config.log.flush_s)))
-        if self.config.checkpoint is not None:
-            section = self.config.checkpoint
-            others.append(asyncio.create_task(self._checkpoints(Path(section.file), section.every_s)))
-        sources = [asyncio.create_task(one.run()) for one in self.connections]
-        try:
-            await asyncio.gather(*sources)
-        finally:
-            for task in [*sources, *others]:
-                await cancel(task)
-            if self.log is not None:
-                self.log.close()
+        async def again(period_s: float, work: Callable[[Live], None]) -> None:
+            while True:
+                await asyncio.sleep(period_s)
+                work(self)
+                collect()
 
-    async def _ticks(self, collect: Callable[[], None]) -> None:
-        """What depends on time alone, and the garbage."""
-        while True:
-            await asyncio.sleep(TICK_NS * 1e-9)
-            self.tick()
-            collect()
+        targets = [asyncio.create_task(sink.run()) for sink in dict.fromkeys(self.sinks)]
+        works = [asyncio.create_task(again(*one)) for one in periodic(self.config)]
+        sources = {asyncio.create_task(source.run()) for source in self.sources}
+        running = set(sources)
+        try:
+            while running:
+                # A target ends only where nothing can mend it.
+                ended, _ = await asyncio.wait({*running, *targets}, return_when=asyncio.FIRST_COMPLETED)
+                for task in ended:
+                    task.result()
+                running -= ended
+        finally:
+            for task in (*sources, *targets, *works):
+                await cancel(task)
+            self.close()
+
+    def close(self) -> None:
+        """Ends the raw log, once the last checkpoint is on the disk."""
+        self._saver.shutdown()
+        if self.log is not None:
+            self.log.close()
 
     def tick(self) -> None:
         """Does what depends on time alone."""
@@ -262,29 +270,35 @@ class Live:
         self._running = self._real_time
         self._told()
 
-    async def _flushes(self, period_s: float) -> None:
-        """Hands the raw log to the system now and then."""
-        while True:
-            await asyncio.sleep(max(period_s, TICK_NS * 1e-9))
-            self.flush()
-
     def flush(self) -> None:
         """Hands the raw log to the system."""
         if self.log is not None:
             with contextlib.suppress(BottomlockError):
                 self.log.flush()
 
-    async def _checkpoints(self, file: Path, period_s: float) -> None:
+    def save(self) -> None:
         """Saves the navigator; the disk is waited for in a thread, so that no ping waits."""
-        while True:
-            await asyncio.sleep(period_s)
-            content = pack(self.engine, self.clock())
-            if content is None:
-                continue
-            try:
-                await asyncio.to_thread(write_bytes, file, content)
-            except BottomlockError as error:
-                self._say(f"no checkpoint: {error}")
+        if self.config.checkpoint is None or (self._saved is not None and not self._saved.done()):
+            return
+        content = pack(self.engine, self.clock())
+        if content is not None:
+            self._saved = self._saver.submit(self._write_checkpoint, self.config.checkpoint.file, content)
+
+    def _write_checkpoint(self, file: str, content: bytes) -> None:
+        try:
+            write_bytes(Path(file), content)
+        except BottomlockError as error:
+            self._say(f"no checkpoint: {error}")
+
+
+def periodic(config: LiveConfig) -> list[tuple[float, Callable[[Live], None]]]:
+    """What a running navigation does again and again: after how many seconds, and what."""
+    works: list[tuple[float, Callable[[Live], None]]] = [(TICK_NS * 1e-9, Live.tick)]
+    if config.log is not None:
+        works.append((max(config.log.flush_s, TICK_NS * 1e-9), Live.flush))
+    if config.checkpoint is not None:
+        works.append((config.checkpoint.every_s, Live.save))
+    return works
 
 
 def begin(

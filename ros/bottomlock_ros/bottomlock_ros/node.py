@@ -8,7 +8,6 @@ clock, so a bag that is played gives the bits that its raw log gives again. Call
 import functools
 import traceback
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosidl_runtime_py.utilities import get_message
 
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
-from bottomlock.files.atomic_write import write_bytes
-from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig, cautions, load_config
-from bottomlock.live.engine import TICK_NS
 from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
-from bottomlock.live.runner import Live, begin
+from bottomlock.live.runner import Live, begin, periodic
 from bottomlock.live.sections import ROS_TYPES
 from bottomlock.live.sinks import Sink
 from bottomlock.ports.address import sink_address, source_address
@@ -88,7 +84,6 @@ class BottomlockNode(LifecycleNode):
         self._inputs: list[Any] = []
         self._periodic: list[Any] = []
         self._live: Live | None = None
-        self._saver = ThreadPoolExecutor(max_workers=1)
         self._now_ns = 0
 
     @_caught
@@ -123,11 +118,8 @@ class BottomlockNode(LifecycleNode):
             message = _message(ROS_TYPES[section.format])
             take = functools.partial(self._take, place)
             self._inputs.append(self.create_subscription(message, topic, take, INPUTS, raw=True))
-        self._every(TICK_NS * 1e-9, lambda live: live.tick())
-        if config.log is not None:
-            self._every(max(config.log.flush_s, TICK_NS * 1e-9), lambda live: live.flush())
-        if config.checkpoint is not None:
-            self._every(config.checkpoint.every_s, self._save)
+        for period_s, work in periodic(config):
+            self._every(period_s, work)
         if config.diagnostics is not None:
             publisher = self._by_topic[sink_address(config.diagnostics.to).path]
             self._every(config.diagnostics.every_s, lambda live: publisher.publish(diagnostics(live)))
@@ -143,7 +135,6 @@ class BottomlockNode(LifecycleNode):
     def destroy_node(self) -> None:
         """Ends everything."""
         self._forget()
-        self._saver.shutdown()
         super().destroy_node()
 
     def _every(self, period_s: float, work: Callable[[Live], object]) -> None:
@@ -199,31 +190,18 @@ class BottomlockNode(LifecycleNode):
             clock=lambda: self._now_ns,
             real_time=not simulated,
         )
-        for place, connection in enumerate(live.connections):
-            connection.state = "subscribed"
+        for place, source in enumerate(live.sources):
+            source.state = "subscribed"
             live.connected(place)
         return live
 
     def _say(self, words: str) -> None:
         self.get_logger().info(words)
 
-    def _save(self, live: Live) -> None:
-        """Saves a checkpoint; the disk is waited for in a thread, so that no ping waits."""
-        assert live.config.checkpoint is not None
-        content = pack(live.engine, live.clock())
-        if content is not None:
-            self._saver.submit(self._write, Path(live.config.checkpoint.file), content)
-
-    def _write(self, file: Path, content: bytes) -> None:
-        try:
-            write_bytes(file, content)
-        except BottomlockError as error:
-            self.get_logger().error(f"no checkpoint: {error}")
-
     def _stop(self) -> None:
         """Ends the estimate and closes its raw log."""
-        if self._live is not None and self._live.log is not None:
-            self._live.log.close()
+        if self._live is not None:
+            self._live.close()
         self._live = None
 
     def _end(self) -> None:
