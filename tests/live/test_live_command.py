@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bottomlock.live.engine import Engine, Message
-from bottomlock.live.raw_log import RawLog, read_raw_log
+from bottomlock.live.raw_log import RawLog, ReadLog
 from bottomlock.live.replay import replay_log
 from bottomlock.live.runner import Live
 from tests.live.world import START_NS, Sent, World, config
@@ -99,7 +99,7 @@ def test_from_the_dvls_line_to_the_listener(tmp_path: Path) -> None:
     assert result.first_difference == ""
     assert result.sent == len(result.messages) == len(heard)
     assert result.text().endswith("the same bits")
-    assert read_raw_log(log).start == {"config.toml": b"x"}
+    assert ReadLog(log).start == {"config.toml": b"x"}
 
 
 @pytest.mark.long

@@ -14,7 +14,7 @@ from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.live import aligned
 from bottomlock.live.config import load_config
-from bottomlock.live.raw_log import read_raw_log
+from bottomlock.live.raw_log import ReadLog
 from bottomlock.live.replay import replay_log
 from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.registry import port
@@ -259,7 +259,7 @@ def test_time_of_a_simulation(bag: Path, graph: Graph, module: Any, tmp_path: Pa
     assert "the clock went back by" in graph.words("warning")
     assert [data for topic, _, data in graph.sent if topic == "/odometry"] == first
     first_log, _ = sorted((tmp_path / "logs").glob("*.mcap"))
-    times = [entry.time_ns for entry in read_raw_log(first_log).entries]
+    times = [entry.time_ns for entry in ReadLog(first_log).entries()]
     assert times == sorted(times)
 
 

@@ -21,6 +21,7 @@ from bottomlock.support.extras import install
 Kind = Literal["in", "connected", "out", "paused"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Kind and length of a record; channel, number and two times of a message."""
+_LENGTH = struct.Struct("<Q")
 _KINDS = {"header": 1, "footer": 2, "channel": 4, "message": 5, "attachment": 9, "data end": 15}
 _MAGIC_BYTES = 8
 _NUMBERS = 2**32
@@ -145,122 +146,103 @@ def _new_file(folder: Path, name: str) -> tuple[Path, IO[bytes]]:
     raise OSError(f"{folder} has a thousand files named {name}")
 
 
-@dataclass(frozen=True)
 class ReadLog:
-    """A raw log that is read.
+    """A raw log that is read up to its end, or to where it was cut off or damaged.
 
     Attributes:
         start: what the engine started from.
-        entries: in the order in which they were written, up to where the log ends or is damaged.
-        end: where and why it ends before the end of the file; "" for one that was closed.
+        end: where and why it ends before the end of the file, once its entries have been read; "" if it was closed.
         damaged: whether that is damage. A kill leaves a log that was cut off.
-    """
-
-    start: dict[str, bytes]
-    entries: Iterator[Entry]
-    end: str
-    damaged: bool
-
-
-def read_raw_log(path: Path) -> ReadLog:
-    """Reads a raw log; one that was cut off is read up to there.
 
     Raises:
         DataError: for a file that cannot be read or is no raw log of ours.
     """
-    mcap_library()
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
-    end, damaged, sound = _end_of(path)
-    start: dict[str, bytes] = {}
-    records = _records(path, file, sound)
-    for kind, record in records:
-        if kind == "Attachment":
-            start[record.name.removeprefix(f"{START}/")] = record.data
-        elif kind == "Channel":
-            return ReadLog(start, _entries(path, record, records), end, damaged)
-    raise DataError("has no channels", place=path, expected="a raw log of `bottomlock live`")
 
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.start: dict[str, bytes] = {}
+        self._channels: dict[int, tuple[Kind, int]] = {}
+        self.end, self.damaged = "", False
+        try:
+            with path.open("rb") as file:
+                self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except (OSError, ValueError) as error:
+            raise DataError(
+                f"cannot be read ({getattr(error, 'strerror', None) or error})", place=path
+            ) from error
+        # What stands before the messages.
+        next(self.entries(), None)
+        if not self._channels:
+            raise DataError("has no channels", place=path, expected="a raw log of `bottomlock live`")
 
-def _end_of(path: Path) -> tuple[str, bool, int]:
-    """Where and why a log ends, "" where it was closed; whether it is damaged; the bytes before that."""
-    if path.stat().st_size <= _MAGIC_BYTES:
-        return "", False, path.stat().st_size
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        at, last = _MAGIC_BYTES, 0
+    def entries(self) -> Iterator[Entry]:
+        """The entries in the order in which they were written."""
+        for kind, record in self._records():
+            try:
+                if kind == _KINDS["attachment"]:
+                    name, at = _text(record, 16)
+                    _, at = _text(record, at)
+                    (size,) = _LENGTH.unpack_from(record, at)
+                    self.start[name.removeprefix(f"{START}/")] = record[at + 8 : at + 8 + size]
+                elif kind == _KINDS["channel"]:
+                    self._add_channel(record)
+                elif kind == _KINDS["message"]:
+                    channel, _, time_ns, _ = _MESSAGE.unpack_from(record)
+                    yield Entry(*self._channels[channel], time_ns, record[_MESSAGE.size :])
+            except (struct.error, UnicodeDecodeError, KeyError) as error:
+                raise DataError(f"is no raw log, or damaged ({error!r})", place=self._path) from error
+
+    def _add_channel(self, record: bytes) -> None:
+        number, at = int.from_bytes(record[:2], "little"), 4
+        topic, at = _text(record, at)
+        _, at = _text(record, at)
+        at, known = at + 4, {}
+        while at < len(record):
+            key, at = _text(record, at)
+            known[key], at = _text(record, at)
+        kind, place = known.get("kind"), known.get("place", "")
+        if kind not in get_args(Kind) or not place.isdigit():
+            raise DataError(f"channel '{topic}' is none of a raw log of `bottomlock live`", place=self._path)
+        self._channels[number] = kind, int(place)  # type: ignore[assignment]
+
+    def _records(self) -> Iterator[tuple[int, bytes]]:
+        """Kind and content of the records."""
+        data, at, last = self._data, _MAGIC_BYTES, 0
         while at + _RECORD.size <= len(data):
             kind, length = _RECORD.unpack_from(data, at)
+            begin, follows = at + _RECORD.size, at + _RECORD.size + length
             if kind == _KINDS["data end"]:
-                return "", False, len(data)
-            follows = at + _RECORD.size + length
+                return
             why = "" if kind in _KINDS.values() else f"a record of kind {kind}"
-            if kind == _KINDS["message"] and not why and follows <= len(data):
-                number = _MESSAGE.unpack_from(data, at + _RECORD.size)[1] if length >= _MESSAGE.size else -1
+            if kind == _KINDS["message"] and follows <= len(data):
+                number = _MESSAGE.unpack_from(data, begin)[1] if length >= _MESSAGE.size else -1
                 # Logs of earlier versions have no numbers.
                 if number != (last + 1) % _NUMBERS and (number or last):
                     why = f"message {number} after {last}"
                 last = number
-            if why or (follows > len(data) and _goes_on(data, at, last)):
+            if follows > len(data) and self._goes_on(at, last):
                 why = why or f"a record of {length} bytes"
-                return f"damaged at byte {at} of {len(data)}: {why}", True, at
+            if why:
+                self.end, self.damaged = f"damaged at byte {at} of {len(data)}: {why}", True
+                return
             if follows > len(data):
                 break
+            yield kind, data[begin:follows]
             at = follows
-        return f"cut off at byte {at} of {len(data)}, in the middle of a record", False, at
+        self.end = f"cut off at byte {at} of {len(data)}, in the middle of a record"
+
+    def _goes_on(self, at: int, last: int) -> bool:
+        """Whether a message follows one that seems to be the last, so that its length cannot be right."""
+        data = self._data
+        while (at := data.find(struct.pack("<I", (last + 2) % _NUMBERS), at + 1)) >= 0:
+            begin = at - _RECORD.size - 2
+            kind, length = _RECORD.unpack_from(data, begin)
+            if kind == _KINDS["message"] and _MESSAGE.size <= length <= len(data) - begin - _RECORD.size:
+                return True
+        return False
 
 
-def _goes_on(data: mmap.mmap, at: int, last: int) -> bool:
-    """Whether a message follows one that seems to be the last, so that its length cannot be right."""
-    place = at
-    while (place := data.find(struct.pack("<I", (last + 2) % _NUMBERS), place + 1)) >= 0:
-        begin = place - _RECORD.size - 2
-        kind, length = _RECORD.unpack_from(data, begin)
-        if kind == _KINDS["message"] and _MESSAGE.size <= length <= len(data) - begin - _RECORD.size:
-            return True
-    return False
-
-
-def _records(path: Path, file: IO[bytes], sound: int) -> Iterator[tuple[str, Any]]:
-    """The records of a file up to its end, or to where it was cut off or damaged: byte `sound`."""
-    from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra
-    from mcap.stream_reader import StreamReader  # noqa: PLC0415
-
-    class Whole:
-        """The file; a read past its end raises, since the library takes half a message for one."""
-
-        @staticmethod
-        def read(size: int) -> bytes:
-            data = file.read(size)
-            if len(data) < size or file.tell() > sound:
-                raise EndOfFile
-            return data
-
-    with file:
-        try:
-            for record in StreamReader(Whole()).records:
-                yield type(record).__name__, record
-        except EndOfFile:
-            return
-        except (McapError, ValueError, OSError, struct.error) as error:
-            raise DataError(f"is no raw log, or damaged ({error})", place=path) from error
-
-
-def _entries(path: Path, first: Any, records: Iterator[tuple[str, Any]]) -> Iterator[Entry]:  # noqa: ANN401
-    channels: dict[int, tuple[Kind, int]] = {}
-
-    def add(channel: Any) -> None:  # noqa: ANN401 - untyped library
-        kind, place = channel.metadata.get("kind"), channel.metadata.get("place", "")
-        if kind not in get_args(Kind) or not place.isdigit():
-            raise DataError(
-                f"channel '{channel.topic}' is none of a raw log of `bottomlock live`", place=path
-            )
-        channels[channel.id] = kind, int(place)
-
-    add(first)
-    for kind, record in records:
-        if kind == "Channel":
-            add(record)
-        elif kind == "Message":
-            yield Entry(*channels[record.channel_id], record.log_time, record.data)
+def _text(record: bytes, at: int) -> tuple[str, int]:
+    """A text that begins at a byte with its length, and where it ends."""
+    (size,) = struct.unpack_from("<I", record, at)
+    return record[at + 4 : at + 4 + size].decode(), at + 4 + size

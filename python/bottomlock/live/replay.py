@@ -9,7 +9,7 @@ from bottomlock.errors import DataError
 from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine, Message
-from bottomlock.live.raw_log import Entry, read_raw_log
+from bottomlock.live.raw_log import Entry, ReadLog
 from bottomlock.ports.estimate import Estimate
 
 
@@ -61,7 +61,7 @@ def replay_log(
     Raises:
         DataError: for a file that is no raw log, or one of another configuration's sources.
     """
-    log = read_raw_log(path)
+    log = ReadLog(path)
     saved = log.start.get("checkpoint")
     engine = Engine(config) if saved is None else resume(config, saved)
     engine.offered = estimates
@@ -69,7 +69,7 @@ def replay_log(
     open_: deque[Message] = deque()
     sent = entries = 0
     difference = ""
-    for entry in log.entries:
+    for entry in log.entries():
         if entry.kind != "out" and entry.place >= len(config.source):
             raise DataError(
                 f"has bytes of source {entry.place + 1}, and the configuration has "
