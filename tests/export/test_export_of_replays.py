@@ -70,7 +70,7 @@ def rows_of(folder: Path, track: str) -> dict[str, np.ndarray[Any, Any]]:
     return {name: np.array([float(row[name] or "nan") for row in rows]) for name in names}
 
 
-def test_csv_has_the_bits_of_the_tables_and_the_beams_of_the_last_ping(folder: Path) -> None:
+def test_csv_has_the_bits_of_the_tables_in_degrees_and_the_beams_of_the_last_ping(folder: Path) -> None:
     tables = read_replay(folder)
     samples = tables.samples.filter(
         (pl.col("what_if") == "outage") & (pl.col("method") == "tc") & (pl.col("pass") == "forward")
@@ -79,7 +79,11 @@ def test_csv_has_the_bits_of_the_tables_and_the_beams_of_the_last_ping(folder: P
         rows = list(csv.DictReader(file))
     for name, dtype in samples.schema.items():
         if dtype == pl.Float64:
-            assert [float(row[name]) for row in rows] == samples[name].to_list(), name
+            values = samples[name].degrees() if name.endswith("_rad") else samples[name]
+            column = name.replace("_rad", "_deg")
+            assert [float(row[column]) for row in rows] == values.to_list(), name
+    assert any(name.endswith("_rad") for name in samples.columns)
+    assert not any(name.endswith("_rad") for name in rows[0])
     assert [int(row["time_ns"]) for row in rows] == samples["time_ns"].to_list()
     assert {row["utc"] for row in rows} == {""}  # the clock of this case starts at zero
     beams = [row["beams_valid"] for row in rows]

@@ -17,7 +17,7 @@ from bottomlock.instruments.play import Channel, parse_address, play, sink_of
 from bottomlock.instruments.readings import Readings
 from bottomlock.instruments.schedule import Record
 from bottomlock.instruments.sources import readings_of_scenario
-from bottomlock.live.sinks import Sink
+from bottomlock.live.device import Device
 from tests.instruments.test_instruments import sent_of, short
 
 
@@ -27,7 +27,7 @@ def readings() -> Readings:
     return readings_of_scenario(short(rate_hz=5.0))
 
 
-def run(sink: Sink, sent: list[Record], opened: Callable[[], None], speed: float | None = None) -> None:
+def run(sink: Device, sent: list[Record], opened: Callable[[], None], speed: float | None = None) -> None:
     """Plays records, at full speed unless one is given."""
     channel = Channel("dvl", sink, lambda _: iter(sent))
     asyncio.run(play([channel], speed=speed, opened=opened, offset_ns=lambda: 0, sent=lambda *_: None))

@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from bottomlock.live.loop import cancel
-from bottomlock.live.sinks import open_sink
-from bottomlock.live.sources import open_source
+from bottomlock.live.transports import open_sink, open_source
 from bottomlock.ports.address import sink_address, source_address
 from tests.live.world import World
 
@@ -49,11 +48,7 @@ async def taken(address: str, write: Callable[[], None] | None = None) -> bytes:
         return True
 
     source = open_source(
-        source_address(address),
-        on_data=take,
-        on_connected=opened.set,
-        on_state=lambda _: None,
-        silence_s=60.0,
+        source_address(address), lambda _: None, on_data=take, on_connected=opened.set, silence_s=60.0
     )
     task = asyncio.create_task(source.run())
     async with asyncio.timeout(LIMIT_S):

@@ -10,15 +10,16 @@ from typing import Any
 
 import pytest
 
+from bottomlock.live.device import MOST_WAITING, Device
 from bottomlock.live.health import HealthServer, status
 from bottomlock.live.loop import cancel
-from bottomlock.live.sources import MOST_WAITING, SECOND, Source, open_source
+from bottomlock.live.transports import SECOND, open_source
 from bottomlock.ports.address import source_address
 from tests.live.test_health import ask, flown, served
 
 
 def listened(
-    use: Callable[[int, Source], Any], on_data: Callable[[bytes], bool]
+    use: Callable[[int, Device], Any], on_data: Callable[[bytes], bool]
 ) -> tuple[Any, list[str], int]:
     """What a client makes of a source that listens, what the source said, and how often it was connected."""
     said: list[str] = []
@@ -29,14 +30,14 @@ def listened(
             port = free.getsockname()[1]
         source = open_source(
             source_address(f"tcpin:127.0.0.1:{port}"),
+            said.append,
             on_data=on_data,
             on_connected=lambda: connected.append(None),
-            on_state=said.append,
             silence_s=60.0,
         )
         task = asyncio.create_task(source.run())
         async with asyncio.timeout(30.0):
-            while "listening" not in said:  # noqa: ASYNC110 - what is waited for has no event
+            while "0 clients" not in said:  # noqa: ASYNC110 - what is waited for has no event
                 await asyncio.sleep(0.005)
             result = await use(port, source)
         await cancel(task)
@@ -48,7 +49,7 @@ def listened(
 def test_a_listening_source_holds_one_client() -> None:
     """Of thirty that stay silent each is sent away for the next."""
 
-    async def use(port: int, __: Source) -> None:
+    async def use(port: int, __: Device) -> None:
         clients = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
         await asyncio.gather(*(reader.read(1) for reader, _ in clients[:-1]), return_exceptions=True)
         last, _ = clients[-1]
@@ -70,7 +71,7 @@ def test_of_a_flood_the_last_pieces_are_taken() -> None:
         time.sleep(0.001)
         return False
 
-    async def use(port: int, source: Source) -> tuple[int, int]:
+    async def use(port: int, source: Device) -> tuple[int, int]:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(bytes(size) + b"end")
         turns = 0
@@ -78,7 +79,7 @@ def test_of_a_flood_the_last_pieces_are_taken() -> None:
             await asyncio.sleep(0)
             turns += 1
         writer.close()
-        return source.dropped, turns
+        return source.not_read, turns
 
     dropped, turns = listened(use, slow)[0]
     assert turns >= len(found) >= MOST_WAITING
@@ -149,7 +150,7 @@ def test_the_client_that_gives_readings_is_heard() -> None:
         found.append(data)
         return data.startswith(b"reading")
 
-    async def use(port: int, source: Source) -> int:
+    async def use(port: int, source: Device) -> int:
         _, first = await asyncio.open_connection("127.0.0.1", port)
         first.write(b"reading")
         while not found:  # noqa: ASYNC110
@@ -164,7 +165,7 @@ def test_the_client_that_gives_readings_is_heard() -> None:
         while len(found) < 2:  # noqa: ASYNC110
             await asyncio.sleep(0.005)
         second.close()
-        return source.dropped
+        return source.not_read
 
     dropped, said, connected = listened(use, take)
     assert found == [b"reading", b"reading of the second"]

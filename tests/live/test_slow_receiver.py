@@ -12,8 +12,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from bottomlock.live.device import WAITING_S, Device
 from bottomlock.live.loop import cancel
-from bottomlock.live.sinks import WAITING_S, Sink, open_sink
+from bottomlock.live.transports import open_sink
 from bottomlock.ports.address import sink_address
 
 SIZE = 800
@@ -32,7 +33,7 @@ def numbers(data: bytes) -> Iterator[int]:
     return (int(data[at : at + SIZE]) for at in range(0, len(data), SIZE))
 
 
-async def connected(kind: str) -> tuple[Sink, asyncio.Task[None], socket.socket]:
+async def connected(kind: str) -> tuple[Device, asyncio.Task[None], socket.socket]:
     """A port that listens or connects, and its client with a small buffer of its own."""
     other = socket.socket()
     other.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)
@@ -75,7 +76,7 @@ def test_of_a_client_that_stops_reading_a_fifth_of_a_second_waits_here(kind: str
             await asyncio.sleep(0.005)
         kept = list(numbers(bytes(held)))
         assert kept == list(range(len(kept)))
-        assert sink.dropped == SENT - len(kept)
+        assert sink.not_written == SENT - len(kept)
         assert sum("reads too slowly" in words for words in SAID) == 1
         assert len(held) - own <= (WAITING_S / PERIOD_S + 2) * SIZE
         sink.write(report(SENT))

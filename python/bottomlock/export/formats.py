@@ -22,7 +22,7 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def comma_separated(track: ExportTrack, pings: pl.DataFrame | None) -> str:
-    """The columns of the track's rows after `utc`; with the beams of the last ping up to each time.
+    """The columns of the track's rows after `utc`, angles in degrees; with the beams of the last ping up to each time.
 
     Args:
         track: the track.
@@ -33,6 +33,9 @@ def comma_separated(track: ExportTrack, pings: pl.DataFrame | None) -> str:
     rows = track.rows
     times = [utc(time_ns) for time_ns in track.time_ns] if track.is_utc else [None] * rows.height
     rows = rows.select(pl.Series("utc", times, dtype=pl.String()), pl.all())
+    radians = [name for name in rows.columns if name.endswith("_rad")]
+    rows = rows.with_columns(pl.col(radians).degrees())
+    rows = rows.rename({name: f"{name.removesuffix('rad')}deg" for name in radians})
     if pings is not None:
         rows = rows.join_asof(_beams(pings), on="time_ns")
     return rows.write_csv()

@@ -5,14 +5,13 @@ import heapq
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from bottomlock.errors import OutputError
 from bottomlock.instruments.pty import Pty
 from bottomlock.instruments.schedule import Record
-from bottomlock.live.loop import NOT_OPENED, words_of
-from bottomlock.live.sinks import POLL_S, Sink, open_sink
-from bottomlock.live.sources import no_answer
+from bottomlock.live.device import NOT_OPENED, POLL_S, Device, no_answer
+from bottomlock.live.loop import words_of
+from bottomlock.live.transports import open_sink
 from bottomlock.ports.address import Address, Kind, forms
 from bottomlock.ports.address import parse_address as parse
 from bottomlock.ports.port import Answers
@@ -40,21 +39,17 @@ UNWRITTEN_BYTES = 65_536
 """At full speed so much may wait for a reader before the next record."""
 
 
-def sink_of(address: Address, answers: Callable[[], Answers] | None = None, *, force: bool = False) -> Sink:
+def sink_of(address: Address, answers: Callable[[], Answers] | None = None, *, force: bool = False) -> Device:
     """Where an instrument sends.
 
     Args:
         address: where to.
         answers: makes what answers the commands of a client; None for an instrument that takes none.
         force: overwrite a file.
-
-    Raises:
-        OutputError: for a file that cannot be made.
     """
-    answers = answers or (lambda: no_answer)
-    if address.kind == "pty":
-        return Pty(Path(address.path) if address.path else None, answers())
-    return open_sink(address, lambda _: None, answers, whole=True, mode="wb" if force else "xb")
+    opens = Pty if address.kind == "pty" else open_sink
+    mode = "wb" if force else "xb"
+    return opens(address, lambda _: None, answers=answers or (lambda: no_answer), whole=True, mode=mode)
 
 
 @dataclass(frozen=True)
@@ -62,7 +57,7 @@ class Channel:
     """An instrument's records and where they go."""
 
     name: str
-    sink: Sink
+    sink: Device
     records: Callable[[int], Iterator[Record]]
     """Given what is added to the run's times, the records in the order of sending."""
 

@@ -1,14 +1,13 @@
 """A pseudo terminal, which a reader opens as a serial device."""
 
 import asyncio
+import contextlib
 import os
 import time
-from collections.abc import Iterable
 from pathlib import Path
 
 from bottomlock.errors import OutputError
-from bottomlock.live.sinks import POLL_S, Receiver, Sink
-from bottomlock.ports.port import Answers
+from bottomlock.live.device import POLL_S, Device, Receiver
 
 PATIENCE_S = 0.5
 """After so long without a reader the bytes of a full line are lost, as on a cable that nobody holds."""
@@ -16,21 +15,30 @@ SETTLED_S = 0.2
 """A terminal on which nothing waits for so long has passed on everything."""
 
 
-class Pty(Sink):
-    """A pseudo terminal; `where` is the device that a reader opens, through a link where one is named."""
+class Pty(Device):
+    """A pseudo terminal; `where` is the device that a reader opens, through a link where the address names one.
 
-    def __init__(self, link: Path | None, answers: Answers) -> None:
-        super().__init__()
-        self._link, self._answers = link, answers
-        self._receivers: tuple[Receiver, ...] = ()
-        self._device, self._abandoned = -1, False
+    It does not show whether somebody reads.
+    """
 
-    @property
-    def receivers(self) -> Iterable[Receiver]:
-        """The terminal: it does not show whether somebody reads."""
-        return self._receivers
+    _device, _abandoned = -1, False
 
     async def _once(self) -> None:
+        loop, reader, answers = asyncio.get_running_loop(), asyncio.StreamReader(), self._answers()
+        with contextlib.ExitStack() as closed:
+            line = self._line(closed)
+            heard, _ = await loop.connect_read_pipe(
+                lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(os.dup(line), "rb", 0)
+            )
+            closed.callback(heard.close)
+            written, _ = await loop.connect_write_pipe(asyncio.BaseProtocol, os.fdopen(line, "wb", 0))
+            closed.callback(written.abort)
+            self.receivers, self.state = [Receiver(written)], "open"
+            while data := await reader.read(4096):
+                written.write(answers(data))
+
+    def _line(self, closed: contextlib.ExitStack) -> int:
+        """Our end of a new terminal, raw, with a link to the device where one is named."""
         try:
             import tty  # noqa: PLC0415 - not on Windows
 
@@ -40,40 +48,23 @@ class Pty(Sink):
             raise OutputError(
                 f"this system gives none ({error})", place="pty", hint="use tcp or udp"
             ) from error
-        loop, reader = asyncio.get_running_loop(), asyncio.StreamReader()
-        heard, _ = await loop.connect_read_pipe(
-            lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(os.dup(line), "rb", 0)
-        )
-        written, _ = await loop.connect_write_pipe(asyncio.BaseProtocol, os.fdopen(line, "wb", 0))
-        self._receivers = (Receiver(written),)
-        try:
-            self._name()
-            self.state = "open"
-            while data := await reader.read(4096):
-                written.write(self._answers(data))
-        finally:
-            if self._link is not None and self._link.is_symlink():
-                self._link.unlink()
-            heard.close()
-            written.abort()
-            os.close(self._device)
-
-    def _name(self) -> None:
-        """Links to the device where that is wanted."""
+        closed.callback(os.close, self._device)
         device = os.ttyname(self._device)
-        self.where = f"pty:{self._link or device}"
-        if self._link is None:
-            return
-        try:
-            if self._link.is_symlink():
-                self._link.unlink()
-            self._link.symlink_to(device)
-        except OSError as error:
-            raise OutputError(f"pty:{self._link}: cannot be made ({error.strerror or error})") from error
+        self.where = f"pty:{self.address.path or device}"
+        if self.address.path:
+            link = Path(self.address.path)
+            try:
+                if link.is_symlink():
+                    link.unlink()
+                link.symlink_to(device)
+            except OSError as error:
+                raise OutputError(f"pty:{link}: cannot be made ({error.strerror or error})") from error
+            closed.callback(link.unlink, missing_ok=True)
+        return line
 
     async def drained(self, most_bytes: float = 0) -> None:  # noqa: ARG002 - a line holds little
         """Waits for a slow reader, but only once for one that is not there."""
-        (receiver,) = self._receivers
+        (receiver,) = self.receivers
         begin_s = time.monotonic()
         while receiver.unwritten and not self._abandoned:
             await asyncio.sleep(POLL_S)

@@ -112,7 +112,7 @@ def _source(live: Live, place: int, now_ns: int) -> dict[str, Any]:
         "skipped": dict(one.reader.skipped),
         "refused": dict(one.refused),
         "bytes_dropped": one.reader.framer.dropped,
-        "pieces_not_read": connection.dropped,
+        "pieces_not_read": connection.not_read,
         "clock_steps": one.clock.steps,
         "late": one.clock.late,
     }
@@ -126,7 +126,7 @@ def _port(live: Live, place: int) -> dict[str, Any]:
         "to": live.config.port[place].to,
         "target": "dry run" if sink is None else sink.state,
         "sent": one.sent if sink is None else live.written[place],
-        "dropped": 0 if sink is None else sink.dropped,
+        "dropped": 0 if sink is None else sink.not_written,
         "silent_because": one.silent_because,
     }
 

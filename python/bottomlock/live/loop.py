@@ -1,4 +1,4 @@
-"""What sources, targets and pages share on the running loop: what is kept open, TCP servers, tasks that end."""
+"""What sources, targets and pages share on the running loop: TCP servers, signals, tasks that end."""
 
 import asyncio
 import contextlib
@@ -14,11 +14,8 @@ RETRY_S = 1.0
 """Wait where the system has no descriptor or no memory for a further connection."""
 BACKLOG = 64
 """Connections that the system holds until they are accepted."""
-FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0
-"""Between two attempts to open something: twice as long each time."""
 LIMIT_BYTES = 8192
 """Of what a client has sent and nobody has read yet, twice as much is held."""
-NOT_OPENED = "not opened yet"
 _EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 
 
@@ -26,59 +23,6 @@ def words_of(error: BaseException) -> str:
     """An error in one line."""
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return text.splitlines()[0]
-
-
-class Kept:
-    """What is opened, and again with back-off whenever it ends.
-
-    Args:
-        say: is given what happens, in words.
-
-    Attributes:
-        state: what it does now, in words.
-        retries: whether it is tried again where it cannot be opened; else `run` raises OSError.
-    """
-
-    state = NOT_OPENED
-    retries = True
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._on_state = say
-        self.worked = False
-
-    def _say(self, state: str) -> None:
-        if state != self.state:
-            self.state = state
-            self._on_state(state)
-
-    async def run(self) -> None:
-        """Keeps it open until it is cancelled, or has come to its end.
-
-        Raises:
-            DataError: for what no further attempt can mend: a library that is not installed.
-        """
-        wait_s = FIRST_WAIT_S
-        while True:
-            self.worked = False
-            try:
-                why = await self._once()
-            except OSError as error:
-                if not self.retries:
-                    raise
-                why = f"cannot be opened: {words_of(error)}"
-            if why is None:
-                return
-            wait_s = FIRST_WAIT_S if self.worked else min(wait_s * 2.0, LONGEST_WAIT_S)
-            self._say(f"{why}; next attempt in {wait_s:g} s")
-            await asyncio.sleep(wait_s)
-
-    async def _once(self) -> str | None:
-        """Once from its beginning to its end; why it ended, None for an end for good.
-
-        Raises:
-            OSError: where it cannot be opened.
-        """
-        raise NotImplementedError
 
 
 Talk = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]

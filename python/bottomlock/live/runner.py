@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from bottomlock.errors import BottomlockError
@@ -15,12 +16,12 @@ from bottomlock.files.atomic_write import write_bytes
 from bottomlock.live.checkpoint import begin as begin_engine
 from bottomlock.live.checkpoint import pack
 from bottomlock.live.config import LiveConfig
+from bottomlock.live.device import Device
 from bottomlock.live.engine import TICK_NS, Engine, Message
 from bottomlock.live.loop import cancel
 from bottomlock.live.raw_log import Kind, RawLog
 from bottomlock.live.readings import MavlinkReader
-from bottomlock.live.sinks import Sink, open_sink
-from bottomlock.live.sources import Source, open_source
+from bottomlock.live.transports import open_sink, open_source
 from bottomlock.ports.address import Address, sink_address, source_address
 from bottomlock.ports.mavlink import Heartbeat, MavlinkPort, MessageIntervals, Timesync
 from bottomlock.ports.port import Answers
@@ -100,7 +101,7 @@ class Live:
         say: Say,
         log: RawLog | None = None,
         send: Callable[[Message], None] | None = None,
-        sinks: list[Sink] | None = None,
+        sinks: list[Device] | None = None,
         clock: Callable[[], int] | None = None,
         real_time: bool = True,
     ) -> None:
@@ -116,34 +117,31 @@ class Live:
         self._saver = ThreadPoolExecutor(max_workers=1)
         self._state = engine.state
 
-    def _source(self, place: int) -> Source:
+    def _source(self, place: int) -> Device:
         section = self.config.source[place]
         address = source_address(section.address)
         speaks = isinstance(self.engine.sources[place].reader, MavlinkReader)
         return open_source(
             address,
+            partial(self._say_of, f"source {section.name}"),
             on_data=lambda data: self.arrive(place, data),
             on_connected=lambda: self.connected(place),
-            on_state=lambda words: self._say(f"source {section.name}: {words}"),
             silence_s=SILENT_CONNECTION_PERIODS / section.rate_hz,
-            answers=self._answers(address),
+            answers=partial(self._answers, address),
             greeting=Heartbeat() if speaks and address.kind in SPOKEN_TO else None,
         )
 
-    def _sinks(self) -> Iterator[Sink]:
+    def _sinks(self) -> Iterator[Device]:
         """A target of each port; one that several ports, or a source, have the same address of is opened once."""
-        known: dict[tuple[str, str, int], Sink] = {}
-        sources = {one.address.device: one for one in self.sources}
+        known = {source.address.device: source for source in self.sources}
         for section in self.config.port:
             address = sink_address(section.to)
-            if address.device not in known:
-                known[address.device] = open_sink(
-                    address,
-                    lambda state, words=f"port {section.port}: ": self._say(words + state),  # type: ignore[misc]
-                    lambda address=address: self._answers(address),  # type: ignore[misc]
-                    shared=sources.get(address.device),
-                )
-            yield known[address.device]
+            say = partial(self._say_of, f"port {section.port}")
+            sink = open_sink(address, say, answers=partial(self._answers, address))
+            yield known.setdefault(address.device, sink)
+
+    def _say_of(self, name: str, words: str) -> None:
+        self._say(f"{name}: {words}")
 
     def _answers(self, address: Address) -> Answers:
         """What answers at an address: TIMESYNC on the clock of the estimates' stamps, requests, commands.
@@ -242,7 +240,9 @@ class Live:
                 work(self)
                 collect()
 
-        targets = [asyncio.create_task(sink.run()) for sink in dict.fromkeys(self.sinks)]
+        targets = [
+            asyncio.create_task(one.run()) for one in dict.fromkeys(self.sinks) if one not in self.sources
+        ]
         works = [asyncio.create_task(again(*one)) for one in periodic(self.config)]
         sources = {asyncio.create_task(source.run()) for source in self.sources}
         running = set(sources)

@@ -61,6 +61,9 @@ class Address:
     path: str = ""
     baud: int = 0
 
+    def __str__(self) -> str:
+        return ":".join(str(part) for part in (self.kind, self.host, self.port, self.path, self.baud) if part)
+
     @property
     def device(self) -> tuple[str, str, int]:
         """What is opened once, whatever is read from and written to it."""

@@ -19,11 +19,11 @@ from rosidl_runtime_py.utilities import get_message
 
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
 from bottomlock.live.config import LiveConfig, cautions, load_config
+from bottomlock.live.device import Device
 from bottomlock.live.ros_diagnostics import ROS_TYPE, diagnostics
 from bottomlock.live.runner import Live, begin, periodic
 from bottomlock.live.sections import ROS_TYPES
-from bottomlock.live.sinks import Sink
-from bottomlock.ports.address import sink_address, source_address
+from bottomlock.ports.address import Address, sink_address, source_address
 
 INPUTS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of sensors: takes what reliable and best-effort publishers send; a second of an IMU may wait."""
@@ -32,21 +32,17 @@ BACK_NS = 1_000_000_000
 """A clock that falls by more was set, or its bag plays again: the estimate starts anew. By less it is held."""
 
 
-class TopicSink(Sink):
+class TopicSink(Device):
     """A target of messages: a publisher of the node."""
 
-    state = "publishing"
-
-    def __init__(self, publisher: Any) -> None:  # noqa: ANN401 - rclpy's
-        self._publisher = publisher
+    def __init__(self, address: Address, publisher: Any) -> None:  # noqa: ANN401 - rclpy's
+        super().__init__(address, lambda _: None)
+        self.state, self._publisher = "publishing", publisher
 
     def write(self, data: bytes) -> bool:
         """Publishes a serialised message."""
         self._publisher.publish(data)
         return True
-
-    async def run(self) -> None:
-        """Nothing: rclpy keeps the publisher."""
 
 
 def _caught(callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -179,7 +175,8 @@ class BottomlockNode(LifecycleNode):
         except OutputError as error:
             self.get_logger().error(f"no raw log: {error}")
             engine, log = make(logged=False)
-        sinks: list[Sink] = [TopicSink(self._by_topic[sink_address(port.to).path]) for port in config.port]
+        topics = [sink_address(port.to) for port in config.port]
+        sinks: list[Device] = [TopicSink(topic, self._by_topic[topic.path]) for topic in topics]
         simulated = self.get_parameter("use_sim_time").get_parameter_value().bool_value
         live = Live(
             config,
