@@ -18,7 +18,7 @@ use super::joseph::PredictedInnovation;
 use crate::aiding::{CorrectedPath, Innovation};
 use crate::frames::skew;
 use crate::layout::{ATTITUDE, DIM, POSITION, VELOCITY};
-use crate::state::ErrorVector;
+use crate::state::{Covariance, ErrorVector};
 
 /// Linearisations of a fix, at most.
 const LINEARISATIONS: usize = 4;
@@ -93,7 +93,7 @@ impl Eskf {
     fn path_at(&self, error: &ErrorVector) -> CorrectedPath {
         let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
         let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
-        let way_t = self.way_by_yaw();
+        let way_t = way_by_yaw(&self.covariance);
         let rest_t = linear_t - rho.cross(&way_t);
         let turn = Rotation3::from_scaled_axis(rho);
         let end_t = turn * (way_t + rest_t);
@@ -110,12 +110,6 @@ impl Eskf {
             by_misalignment,
             offset_t_m,
         }
-    }
-
-    /// The level part of p̂, m, by which the covariance has the yaw move the position: E[δr | ρ_D] = ρ_D e_D × p̂.
-    fn way_by_yaw(&self) -> Vector3<f64> {
-        let by_yaw = self.covariance.fixed_view::<3, 1>(POSITION, YAW.0) / self.covariance[YAW];
-        Vector3::new(by_yaw[1], -by_yaw[0], 0.0)
     }
 
     /// What an innovation of three rows says of the error; `None` if S is not positive definite.
@@ -141,6 +135,16 @@ impl CorrectedPath {
         }
         position += turned;
     }
+}
+
+/// The level part of p̂, m, by which a covariance has the yaw move the position: E[δr | ρ_D] = ρ_D e_D × p̂. Zero for a yaw
+/// that is certain.
+pub(super) fn way_by_yaw(covariance: &Covariance) -> Vector3<f64> {
+    if covariance[YAW] <= 0.0 {
+        return Vector3::zeros();
+    }
+    let by_yaw = covariance.fixed_view::<3, 1>(POSITION, YAW.0) / covariance[YAW];
+    Vector3::new(by_yaw[1], -by_yaw[0], 0.0)
 }
 
 /// A position's innovation along a path: z − c = A δr + (H_ρ + B) ρ + n.

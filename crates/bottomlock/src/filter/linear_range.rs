@@ -29,7 +29,7 @@ use crate::state::ErrorVector;
 
 /// Root mean square of b_z, m/s, beyond which a depth corrects its own axis alone.
 ///
-/// Results are the same from 1 to 5 mm/s; at 10 mm/s depth contradicts a diagonal pair of beams (docs/linear_range.md).
+/// Results are the same from 1 to 5 mm/s; at 10 mm/s depth contradicts a diagonal pair of beams.
 pub const LINEAR_RANGE_MPS: f64 = 2e-3;
 
 const DOWN: (usize, usize) = (POSITION + 2, POSITION + 2);

@@ -57,10 +57,11 @@ impl MethodRun {
     }
 
     fn deviation(&self, truth: &NavState) -> Deviation {
+        let covariance = self.navigator.covariance();
         Deviation {
             error: truth.error_of(&self.navigator.state()),
-            linear_error: self.navigator.filter().linear_error(truth),
-            covariance: self.navigator.covariance(),
+            linear_error: self.navigator.filter().linear_error(truth, &covariance),
+            covariance,
         }
     }
 }
