@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import socket
+import sys
 import time
 import tty
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import pytest
 
 from bottomlock.encoders.registry import format_named
 from bottomlock.encoders.waterlinked_serial import SerialCommands
+from bottomlock.errors import BottomlockError
 from bottomlock.instruments.play import parse_address, sink_of
 from bottomlock.live.config import LiveConfig, load_config
 from bottomlock.live.engine import Engine
@@ -81,6 +83,18 @@ def test_nobody_who_receives_is_shown() -> None:
         return "nobody receives" in live.sinks[0].state
 
     asyncio.run(run_until(live, refused))
+
+
+def test_a_target_that_nothing_can_open_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would be silent for ever: a library that is missing, a folder that is not there."""
+    monkeypatch.setitem(sys.modules, "serial_asyncio_fast", None)
+    targets = {
+        f"serial:{tmp_path}/line:9600": r"serial lines need pyserial-asyncio-fast",
+        f"file:{tmp_path}/none/out": r"none/out: cannot be written \(No such file or directory\)",
+    }
+    for to, words in targets.items():
+        with pytest.raises(BottomlockError, match=words):
+            asyncio.run(asyncio.wait_for(made(config(to=to)).run(), LIMIT_S))
 
 
 def test_a_serial_line_is_opened_once() -> None:

@@ -28,7 +28,22 @@ _AXES, _ANGLES = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
 
 def status(live: Live) -> dict[str, Any]:
-    """Everything that is shown, in SI: what JSON can hold, None for what is not known."""
+    """Everything that page, metrics, terminal and diagnostics show: what JSON can hold, None for what is not known.
+
+    Keys:
+        name, mode, state, why, state_for_s: of the process; `why` is the condition that asked for the state.
+        reset_counter: discontinuities that no measurement explains, modulo 256. internal_errors: of the program.
+        velocity_mps, velocity_sd_mps: surge, sway, heave. estimate_age_s: since the time of the estimate.
+        attitude_rpy_rad: roll, pitch, yaw; attitude_sd_rad: of a rotation about north, east, down.
+        beams: a row a beam of the last ping (velocity_mps, used). rank: directions that its used beams determine.
+        ping: verdict of the gate, why, and nis per degree of freedom.
+        reference: slow error of the attitude reference by angle (error_rad, sd_rad). gated: rejections by sensor.
+        water: the current north and east (current_mps, current_sd_mps), and what became of the cells; None without.
+        sources: a row a source: what its connection does, connections, age_s of its last byte, records, readings
+            taken, skipped and refused by reason, bytes_dropped between records, pieces_not_read, clock_steps, late.
+        ports: a row a port: to, what its target does, messages sent and dropped, and silent_because.
+        raw_log: file and bytes; None without.
+    """
     engine, now_ns = live.engine, live.clock()
     estimator, machine = engine.estimator, engine.machine
     known = estimator.estimate(engine.state, engine.reset_counter)
