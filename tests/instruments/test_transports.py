@@ -85,8 +85,8 @@ def test_tcp_reconnects_and_loses_nothing_of_a_connection(readings: Readings) ->
         found.append(Client(int(server.where.rpartition(":")[2])))
         found[0].start()
 
-    # A run of 12 s in about half a second: the client needs time to come back.
-    run(server, sent, opened, speed=24.0)
+    # A run of 12 s in two: the client needs time to come back.
+    run(server, sent, opened, speed=6.0)
     found[0].join(10)
     whole = b"".join(one.data for one in sent)
     parts = found[0].connections

@@ -37,7 +37,7 @@ def listened(
         )
         task = asyncio.create_task(source.run())
         async with asyncio.timeout(30.0):
-            while "0 clients" not in said:  # noqa: ASYNC110 - what is waited for has no event
+            while source.state != "0 clients":  # noqa: ASYNC110 - what is waited for has no event
                 await asyncio.sleep(0.005)
             result = await use(port, source)
         await cancel(task)
@@ -58,7 +58,8 @@ def test_a_listening_source_holds_one_client() -> None:
         for _, writer in clients:
             writer.close()
 
-    assert listened(use, lambda _: False)[2] == 30
+    _, said, connected = listened(use, lambda _: False)
+    assert (said, connected) == ([], 30)
 
 
 def test_of_a_flood_the_last_pieces_are_taken() -> None:

@@ -21,6 +21,7 @@ HELD_S = 5.0
 """A client that has given a reading within this time keeps its place; another is sent away."""
 MOST_RECEIVERS = 32
 """Clients of one target."""
+_CLIENTS = " clients"
 UNHEARD_S = 5.0
 """Time without a refused datagram after which somebody is taken to receive."""
 
@@ -57,6 +58,12 @@ class _Server(Device):
         most = MOST_RECEIVERS if self._on_data is None else 1
         self._server = TcpServer(self._talk, most=most, idle=lambda _: not self._holds(), say=self._say)
 
+    def _say(self, state: str) -> None:
+        if state.endswith(_CLIENTS):
+            self.state = state  # a line for each of a thousand clients would hide the others
+        else:
+            super()._say(state)
+
     @property
     def not_read(self) -> int:
         """As `Device`."""
@@ -65,16 +72,16 @@ class _Server(Device):
     async def _once(self) -> None:
         def opened(port: int) -> None:
             self.where = f"tcp:{self.address.host}:{port}"
-            self._say("0 clients")
+            self._say(f"0{_CLIENTS}")
 
         await self._server.run(self.address.host, self.address.port, opened)
 
     async def _talk(self, *streams: Any) -> None:  # noqa: ANN401 - reader and writer
         self._read_s = -math.inf
         try:
-            await self._read(streams, f"{len(self.receivers) + 1} clients")
+            await self._read(streams, f"{len(self.receivers) + 1}{_CLIENTS}")
         finally:
-            self._say(f"{len(self.receivers)} clients")
+            self._say(f"{len(self.receivers)}{_CLIENTS}")
 
     def _holds(self) -> bool:
         """Whether the client that is there keeps its place."""
