@@ -73,10 +73,13 @@ def test_beams_of_another_instrument_are_unsafe(
 
 
 def test_pings_that_contradict_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beams jump by 3 m/s: coasting at the first rejection, unsafe at the fourth; the fifth opens the gate again."""
-    before, imu = list(World(3.0).dvl()), list(World(9.0).imu())
+    """Beams jump by 3 m/s: coasting at the first rejection, unsafe at the fourth; the fifth opens the gate again.
+
+    That may have been wrong: ten seconds of agreement later the state is OK.
+    """
+    before, imu = list(World(3.0).dvl()), list(World(15.0).imu())
     monkeypatch.setattr(world, "VELOCITY", world.VELOCITY + np.array([3.0, 0.0, 0.0]))
-    after = [entry for entry in World(9.0).dvl() if entry[0] > before[-1][0] + 1_000_000]
+    after = [entry for entry in World(15.0).dvl() if entry[0] > before[-1][0] + 1_000_000]
     engine = Engine(config("navigation"))
     found = fly(engine, [*before, *after, *imu])
     why = [f"{state}: {words}" for state, words in found]
@@ -84,3 +87,24 @@ def test_pings_that_contradict_the_estimate(monkeypatch: pytest.MonkeyPatch) -> 
     assert "UNSAFE: 4 pings in a row contradict the estimate" in why[first:]
     assert not any("5 pings in a row" in words for words in why)
     assert engine.state == "OK", engine.machine.why
+
+
+def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All beams of four seconds are false by 3 m/s, a shoal or a vessel: the filter follows them, and nothing is sent."""
+    true, made = list(World(20.0).dvl()), World(20.0)
+    monkeypatch.setattr(world, "VELOCITY", world.VELOCITY + np.array([3.0, 0.0, 0.0]))
+    false = list(World(20.0).dvl())
+    start_ns = true[0][0]
+    beams = [
+        one if 3.0 < (one[0] - start_ns) * 1e-9 < 7.0 else other
+        for one, other in zip(false, true, strict=True)
+    ]
+    monkeypatch.undo()
+    engine = Engine(config("navigation"))
+    states = []
+    for arrival_ns, source, data in sorted([*beams, *made.imu()], key=lambda entry: entry[:2]):
+        engine.arrive(source, arrival_ns, data)
+        states.append(((arrival_ns - start_ns) * 1e-9, engine.state))
+    late = {state for at_s, state in states if 3.5 < at_s < 16.5}
+    assert late == {"UNSAFE"}
+    assert states[-1][1] == "OK", engine.machine.why

@@ -98,17 +98,24 @@ facts = st.builds(
 
 @given(steps=st.lists(st.tuples(st.integers(0, S), facts), min_size=1, max_size=30))
 def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]]) -> None:
-    """Never better than what is asked now, and exactly the worst that was asked within the settling time."""
+    """Never better than what is asked now, and exactly the worst that was asked within the settling time.
+
+    Ten seconds from pings that contradict on it is UNSAFE.
+    """
     machine, now = StateMachine(LIMITS), 0
     asked: list[tuple[int, State]] = []
+    contradicted: list[int] = []
     for step, one in steps:
         now += step
         state = machine.update(replace(one, now_ns=now))
         wanted = judge(one, LIMITS)[0]
         if wanted == "INITIALISING":
-            asked = []
+            asked, contradicted = [], []
             assert state == "INITIALISING"
             continue
+        contradicted += [now] if one.rejected >= 5 else []
+        if any(now - at < 10 * S for at in contradicted):
+            wanted = "UNSAFE"
         asked = [(at, one_state) for at, one_state in asked if now - at < S] + [(now, wanted)]
         assert state == max((one_state for _, one_state in asked), key=ORDER.index)
         assert (state in SILENT) == (state == "UNSAFE")

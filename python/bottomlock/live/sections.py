@@ -226,6 +226,8 @@ class StatesSection(Section):
     """1 sigma of a velocity axis above which the state is UNSAFE"""
     rejected_pings: Annotated[int, Field(ge=1, le=10_000), shown(unit="1")] = 4
     """pings rejected in a row after which the state is UNSAFE"""
+    agree_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
+    """time UNSAFE after such pings: the estimate may have followed beams that were false"""
     closure_ratio: Annotated[float, Field(ge=1.0, le=1000.0), shown(unit="1")] = 3.0
     """scatter of the beams' closure over the claimed one, over 20 complete pings, above which the state is UNSAFE"""
 

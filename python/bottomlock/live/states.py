@@ -141,7 +141,10 @@ def _for(age_ns: int | None) -> str:
 
 
 class StateMachine:
-    """The state with its hysteresis: the worst that was judged within the last `settle_ns`.
+    """The state with its hysteresis: the worst that was judged within the last `settle_s`.
+
+    After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a shoal or a
+    vessel, and the filter follows it once its gate opens.
 
     Attributes:
         state: now.
@@ -155,14 +158,20 @@ class StateMachine:
         self.why = "nothing has come yet"
         self.since_ns: int | None = None
         self._last: dict[State, tuple[int, str]] = {}
+        self._contradicted_ns: int | None = None
 
     def update(self, facts: Facts) -> State:
         """Judges the facts, whose times never fall, and returns the state."""
         asked, why = judge(facts, self.limits)
         if asked == "INITIALISING":
             self._last.clear()
+            self._contradicted_ns = None
             self._enter("INITIALISING", why, facts.now_ns)
             return self.state
+        if facts.rejected >= self.limits.rejected_pings:
+            self._contradicted_ns = facts.now_ns
+        elif asked != "UNSAFE" and self._is_unconfirmed(facts.now_ns):
+            asked, why = "UNSAFE", f"pings contradicted the estimate within the last {self.limits.agree_s:g} s"
         self._last[asked] = facts.now_ns, why
         worst = max(
             (
@@ -174,6 +183,11 @@ class StateMachine:
         )
         self._enter(worst, self._last[worst][1], facts.now_ns)
         return self.state
+
+    def _is_unconfirmed(self, now_ns: int) -> bool:
+        """Whether the estimate has followed pings that contradicted it, and has not agreed with them for long enough."""
+        contradicted_ns = self._contradicted_ns
+        return contradicted_ns is not None and now_ns - contradicted_ns < ns_from_s(self.limits.agree_s)
 
     def _enter(self, state: State, why: str, now_ns: int) -> None:
         if state != self.state or self.since_ns is None:
