@@ -171,7 +171,10 @@ class StateMachine:
         if facts.rejected >= self.limits.rejected_pings:
             self._contradicted_ns = facts.now_ns
         elif asked != "UNSAFE" and self._is_unconfirmed(facts.now_ns):
-            asked, why = "UNSAFE", f"pings contradicted the estimate within the last {self.limits.agree_s:g} s"
+            asked, why = (
+                "UNSAFE",
+                f"pings contradicted the estimate within the last {self.limits.agree_s:g} s",
+            )
         self._last[asked] = facts.now_ns, why
         worst = max(
             (
