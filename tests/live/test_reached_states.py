@@ -90,7 +90,7 @@ def test_pings_that_contradict_the_estimate(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All beams of four seconds are false by 3 m/s, a shoal or a vessel: the filter follows them, and nothing is sent."""
+    """All beams of four seconds are false by 3 m/s, as of a shoal: the filter follows them, and nothing is sent."""
     true, made = list(World(20.0).dvl()), World(20.0)
     monkeypatch.setattr(world, "VELOCITY", world.VELOCITY + np.array([3.0, 0.0, 0.0]))
     false = list(World(20.0).dvl())

@@ -143,8 +143,8 @@ def _for(age_ns: int | None) -> str:
 class StateMachine:
     """The state with its hysteresis: the worst that was judged within the last `settle_s`.
 
-    After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a shoal or a
-    vessel, and the filter follows it once its gate opens.
+    After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a
+    shoal or a vessel, and the filter follows it once its gate opens.
 
     Attributes:
         state: now.
@@ -188,7 +188,7 @@ class StateMachine:
         return self.state
 
     def _is_unconfirmed(self, now_ns: int) -> bool:
-        """Whether the estimate has followed pings that contradicted it, and has not agreed with them for long enough."""
+        """Whether pings have contradicted the estimate, and it has not agreed with them for long enough since."""
         contradicted_ns = self._contradicted_ns
         return contradicted_ns is not None and now_ns - contradicted_ns < ns_from_s(self.limits.agree_s)
 

@@ -91,7 +91,7 @@ fn in_still_water_the_rows_are_those_of_the_bottom() {
     );
 }
 
-/// Hand-worked: with layers at 10 m and 20 m the vehicle at 12 m, level, looks with a beam straight down at a cell 4 m below: three
+/// Hand-worked: with layers at 10 m and 20 m the vehicle at 11 m, level, looks from a metre below at a cell 4 m deeper: three
 /// fifths of the way, so that of 0.1 and −0.3 m/s to the north −0.14 m/s are left; the beam itself sees none of it.
 #[test]
 fn a_layer_by_hand() {
@@ -101,8 +101,9 @@ fn a_layer_by_hand() {
     let mut own = LayerVector::zeros();
     (own[2 * places[0]], own[2 * places[1]]) = (0.1, -0.3);
     let mut state = NavState::at_rest(0);
-    state.position_t_m = Vec3::new(0.0, 0.0, 12.0);
+    state.position_t_m = Vec3::new(0.0, 0.0, 11.0);
     let geometry = BeamGeometry::from_directions(&[Vec3::new(0.6, 0.0, 0.8)]).unwrap();
+    let geometry = geometry.with_lever_arms(&[Vec3::new(0.0, 0.0, 1.0)]).unwrap();
     let mut sample = WaterSample {
         range_m: 5.0,
         ..sample(BeamMask::all(1))
