@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import OutputError
-from bottomlock.replay.init.files import Files
+from bottomlock.replay.init.entries import Beside, Entry, placed
 from tests.audit.synthetic import make_log, table
 from tests.cli.calls import command
 from tests.live.world import NAVIGATION_TOML
@@ -89,9 +89,9 @@ def test_no_command_writes_over_what_it_reads(here: Path, words: tuple[str, ...]
 
 def test_a_first_case_leaves_the_log_that_has_the_name_of_its_table(here: Path) -> None:
     (here / "case_beams.parquet").symlink_to("a.parquet")
-    files = Files(here / "case.toml", force=True, inputs=[here / "a.parquet"])
+    beams = Entry("dvl.file", Beside("beams", Path.touch))
     with pytest.raises(OutputError, match=r"case_beams\.parquet: is read by this command"):
-        files.beside("beams")
+        placed([beams], here / "case.toml", [here / "a.parquet"], force=True)
 
 
 @pytest.mark.parametrize(

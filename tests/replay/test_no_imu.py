@@ -211,7 +211,7 @@ def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
     assert isinstance(case.imu, ImuFromAttitude)
     assert case.attitude is not None
     assert case.attitude.aids == "nothing"
-    assert "is the yaw clockwise" in made.case.read_text(encoding="utf-8")
+    assert "the yaw is clockwise" in made.case.read_text(encoding="utf-8")
     last = replay_case(case).samples.filter(pl.col("method") == "tc").row(-1, named=True)
     moved = dive.position[-1] - dive.position[0]
     assert np.hypot(last["north_m"] - moved[0], last["east_m"] - moved[1]) < 0.02 * last_way(dive)

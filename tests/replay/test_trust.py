@@ -266,10 +266,10 @@ def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Pa
     before, rest = path.read_text(encoding="utf-8").split("[reference]")
     text = before + rest[rest.index("[start]") :].replace('position = "reference"', 'position = "given"')
     text = text.replace("position_sd_m = [0.1, 0.1, 0.1]", "position_sd_m = [0.1, 0.1, 5.0]")
-    path.write_text(text.replace("[dvl]", "[dvl]\ngeometry_known = false"), encoding="utf-8")
+    path.write_text(text.replace("[origin]", 'assumed = ["dvl.geometry"]\n[origin]', 1), encoding="utf-8")
     answer = replay_case(load_case(path)).manifest["answer"]
     assert (answer["verdict"], answer["method"]) == ("partly", "tc")
-    assert "geometry_known" in answer["change"]
+    assert (answer["assumed"], "assumed" in answer["change"]) == (["dvl.geometry"], True)
 
 
 @pytest.mark.parametrize("beaten", [NEAR, WORSE, VAGUE, FAR])

@@ -21,6 +21,7 @@ from bottomlock.pages.page import Table, plain_text
 from bottomlock.replay.calibration import calibration_words, writing_method
 from bottomlock.replay.calibration import write_calibration as write
 from bottomlock.replay.case import load_case
+from bottomlock.replay.init.entries import assumed
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
@@ -168,8 +169,11 @@ def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequenc
         say(line)
     beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""
     say(
-        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {made.questions} questions (# ?) to answer"
+        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {len(assumed(made.entries))} assumptions, "
+        f"{len(made.questions)} questions (# ?) to answer"
     )
+    for question in made.questions:
+        say(f"? {question}")
     say(f"now: bottomlock replay {out}")
 
 

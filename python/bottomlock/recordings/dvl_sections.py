@@ -16,18 +16,15 @@ class DvlStream(DvlSettings, ReorderedStream):
     """Beams as recorded (source "beams"), or projected from the instrument's velocity ("velocity", semi-synthetic).
 
     `geometry` is a TOML file of the instrument or a packaged name: directions, mounting, lever arms, noise of the
-    beams, and the columns of recorded beams. With `geometry_known` = false it is a guess: nothing but a reference
-    confirms it, so without one a replay is trusted in part at most. A beam table of `bottomlock convert` needs no
-    clock. A velocity is three columns in the instrument's own frame, after `axes`; it is divided by `velocity_scale`
-    and projected on the beam directions in that frame. An empty row is no ping; a row whose column `valid` is 0 is a
-    ping with all beams lost.
+    beams, and the columns of recorded beams. A beam table of `bottomlock convert` needs no clock. A
+    velocity is three columns in the instrument's own frame, after `axes`; it is divided by `velocity_scale` and
+    projected on the beam directions in that frame. An empty row is no ping; a row whose column `valid` is 0 is a ping
+    with all beams lost.
     """
 
     source: Literal["beams", "velocity"] = "beams"
     """whether beams were recorded, or are projected from the instrument's velocity"""
     clock: Clock = Clock(column="time_ns", unit="ns")
-    geometry_known: bool = True
-    """false: the geometry is a guess; without a reference a replay is then trusted in part at most"""
     velocity: Annotated[ColumnTriple | None, shown(example=["vx", "vy", "vz"])] = None
     """columns of the instrument's velocity, its axes x, y, z; for source velocity"""
     velocity_unit: Literal["m/s", "cm/s", "mm/s"] = "m/s"

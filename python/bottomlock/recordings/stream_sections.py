@@ -229,8 +229,6 @@ class AttitudeStream(AttitudeReference, SensorStream):
     """column of the yaw"""
     unit: Literal["rad", "deg"] = "rad"
     """unit of the angles"""
-    heading_known: bool = True
-    """false: the yaw may be magnetic or true; without a reference a replay is then trusted in part at most"""
 
 
 class MagnetometerStream(MountedStream):

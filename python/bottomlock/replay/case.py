@@ -198,6 +198,8 @@ class Case(SensorStreams):
     """name of the replay in tables and pages"""
     description: Annotated[str, shown(example="Dive 7 along the wall")] = ""
     """one sentence for tables and pages"""
+    assumed: Annotated[tuple[str, ...], shown(example=["dvl.geometry"])] = ()
+    """keys whose values nothing in the files decides, as a first case lists them: take out those that are known"""
     origin: Origin = Origin()
     imu: Annotated[
         Annotated[ImuStream, Tag(ImuStream.__name__)]
@@ -233,6 +235,11 @@ class Case(SensorStreams):
             self._water_has_times(self.water_track)
         if self.reference is not None:
             self._reference_has(self.reference)
+        for key in self.assumed:
+            if key.partition(".")[0] not in type(self).model_fields:
+                raise ValueError(
+                    f"assumed names '{key}', expected keys with their sections, such as 'dvl.geometry'"
+                )
         if DEAD_RECKONING in self.replay.methods and self.attitude is None:
             raise ValueError(f"replay.methods names '{DEAD_RECKONING}', which needs the section [attitude]")
         if not self.replay.filters:
@@ -325,7 +332,7 @@ class Case(SensorStreams):
 
     def content_hash(self) -> str:
         """SHA-256 of every setting that affects the numbers; files by name (the manifest has their own hashes)."""
-        content = json.dumps(self.model_dump(mode="json", exclude={"description"}), sort_keys=True)
+        content = json.dumps(self.model_dump(mode="json", exclude={"description", "assumed"}), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
 
 

@@ -31,8 +31,8 @@ class Log:
 
     Attributes:
         case: how its files are read; `case.imu.sampling` and the like.
-        guesses: what was guessed of the files ("guessed:") and what they leave open ("?"), each with its section, and
-            its key and value where it is of one; empty for a case that is given.
+        guesses: what was guessed of the files ("guessed:") and what they leave open ("assumed:"), each with its key
+            and value; then the questions ("?"). Empty for a case that is given.
         streams: the same readings as arrays.
         files: those that were opened, or those of the case.
     """
@@ -146,11 +146,13 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
         # The tables that a guessed case needs beside it are read before they go.
         made = make_case(paths, Path(folder) / "case.toml", without=without)
         case = load_case(made.case)
-        guesses = tuple(
+        guesses = [
             f"{f'[{one.section}] {one.setting}'.strip()}: {one.words}"
-            for one in made.entries if one.why and one.known is not None
-        )  # fmt: skip
-        return Log(case, guesses, read_streams(case), tuple(paths))
+            for one in made.entries
+            if one.why and one.known is not None
+        ]
+        guesses += [f"? {one}" for one in made.questions]
+        return Log(case, tuple(guesses), read_streams(case), tuple(paths))
 
 
 def _path(file: object) -> Path:

@@ -118,12 +118,14 @@ def _about(manifest: Mapping[str, Any]) -> str:
 
 def _trust(answer: Mapping[str, Any]) -> Part:
     """What decides whether it can be trusted, and the track to take."""
+    keys = answer["assumed"]
     take = "Until it is changed, take" if answer["verdict"] == "no" else "Take the track of"
     rows = [
         (take, f"`{answer['method']}`" if answer["method"] else "none of these tracks"),
         *([("Change", answer["change"])] if answer["change"] != NOTHING else []),
         *zip(("Beams", "Position"), answer["numbers"], strict=False),
         *([("This vehicle", answer["vehicle"])] if answer["vehicle"] else []),
+        *([("Open", f"{len(keys)} keys of the case: {', '.join(keys)}")] if keys else []),
     ]
     return Part("trust", "What decides it", [Terms(rows)])
 

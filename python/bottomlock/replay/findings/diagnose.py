@@ -112,8 +112,9 @@ def diagnose(
         sd_m={name: row["sd_m"] for name, row in tracks.items()},
         way_m=tracks[stands]["way_m"],
         reach_m=_reach_m(samples, stands),
-        geometry_open=not projected and not case.dvl.geometry_known,
-        heading_open=case.attitude is not None and not case.attitude.heading_known,
+        geometry_open=not projected and "dvl.geometry" in case.assumed,
+        heading_open="attitude.yaw_offset_deg" in case.assumed,
+        assumed=case.assumed,
     )  # fmt: skip
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]

@@ -80,6 +80,7 @@ class Evidence:
         reach_m: greatest distance of the track from its start.
         geometry_open: whether the geometry of recorded beams is a guess.
         heading_open: whether the recorded heading may be magnetic or true.
+        assumed: keys of the case that nothing decides.
     """
 
     verdict: Finding
@@ -101,6 +102,7 @@ class Evidence:
     reach_m: float
     geometry_open: bool
     heading_open: bool = False
+    assumed: tuple[str, ...] = ()
 
     @property
     def judged(self) -> Agreement | None:

@@ -33,6 +33,7 @@ class Answer:
         change: what to change.
         method: whose track to take; "" where none of them is right until the change is made.
         vehicle: which method fits the sway of this vehicle; "" where it was not measured.
+        assumed: open entries: keys of the case that nothing decides.
     """
 
     verdict: Literal["yes", "partly", "no"]
@@ -41,10 +42,11 @@ class Answer:
     change: str
     method: str
     vehicle: str
+    assumed: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The answer in the types of JSON."""
-        return asdict(self) | {"numbers": list(self.numbers)}
+        return asdict(self) | {"numbers": list(self.numbers), "assumed": list(self.assumed)}
 
 
 @dataclass(frozen=True)
@@ -111,14 +113,14 @@ RULES = (
     Rule(
         lambda evidence: evidence.geometry_open and evidence.reference is None,
         lambda _: "The geometry of the beams is an open question, and dead reckoning has the same.",
-        "Set dvl.geometry to that of the instrument and geometry_known = true, or give positions as [reference].",
+        "Set dvl.geometry to that of the instrument and take it out of assumed, or give positions as [reference].",
     ),
     Rule(
         lambda evidence: evidence.heading_open and evidence.reference is None,
         lambda _: (
             "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same."
         ),
-        "Set attitude.yaw_offset_deg (0 for a true yaw) and heading_known = true, or give positions as [reference].",
+        "Set attitude.yaw_offset_deg (0 for a true yaw) and take it out of assumed, or give positions as [reference].",
     ),
     Rule(
         lambda evidence: not evidence.reckoned and evidence.reference is None,
@@ -137,12 +139,12 @@ def answer_of(evidence: Evidence) -> Answer:
         and cause.severity == "fault"
         and (cause.kind in OF_DEPTH or not _confirmed(evidence, cause))
     )
-    vehicle = "" if evidence.sway is None else evidence.sway.words()
+    further = "" if evidence.sway is None else evidence.sway.words(), evidence.assumed
     numbers = tuple(one for one in (_innovations(evidence), _agreement(evidence)) if one)
     if evidence.state == WRONG or faulty or _refuted(evidence):
         first = cause or evidence.verdict
         reckons = evidence.reckoned and (cause is None or cause.kind in OF_FILTERS_ALONE)
-        return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", vehicle)
+        return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", *further)
     method = recommended(evidence)
     doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
     if evidence.reference is not None and _confirmed(evidence):
@@ -153,7 +155,7 @@ def answer_of(evidence: Evidence) -> Answer:
     reasons = [(one.text, one.hint) for one in doubts]
     reasons += [(rule.sentence(evidence), rule.change) for rule in RULES if rule.applies(evidence)]
     for sentence, change in reasons[:1]:
-        return Answer("partly", sentence, numbers, change, method, vehicle)
+        return Answer("partly", sentence, numbers, change, method, *further)
     agree = [
         name
         for name, there in (
@@ -164,7 +166,7 @@ def answer_of(evidence: Evidence) -> Answer:
     ]
     return Answer(
         "yes", f"The beams fit the navigation, and {' and '.join(agree)} {'agree' if len(agree) > 1 else 'agrees'}.",
-        numbers, _improvement(evidence), method, vehicle,
+        numbers, _improvement(evidence), method, *further,
     )  # fmt: skip
 
 

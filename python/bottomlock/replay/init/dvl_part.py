@@ -1,7 +1,8 @@
 """The DVL of a first case: its velocity, geometry, clock and axes against the IMU."""
 
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,7 @@ from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
+from bottomlock.replay.init.entries import Entry
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Offset
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
@@ -43,7 +45,7 @@ ENOUGH_PINGS = 20
 """Pings with a whole velocity from which clock and axes are compared with the IMU's."""
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class DvlPart:
     """A DVL as guessed.
 
@@ -54,7 +56,7 @@ class DvlPart:
         first_ns, last_ns: of all pings.
         geometry: packaged name, or "" where a file is written.
         geometry_text: of that file.
-        geometry_why, geometry_known: its reason.
+        geometry_why, geometry_known: its reason, and whether the log decides it.
         noise: of a beam, m/s, and why; None where it is what the geometry claims.
         unit, unit_why: of a velocity.
         offset: to the IMU's clock.
@@ -63,7 +65,7 @@ class DvlPart:
         mounting_deg, mounting_why: roll, pitch and yaw of the instrument on the vehicle; the velocity is turned by them
             already.
         match: of its velocity with the IMU's readings.
-        questions: for the case.
+        further: what else the case says of it.
     """
 
     recording: Recording | None
@@ -85,18 +87,22 @@ class DvlPart:
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mounting_why: str = ""
     match: Match | None = None
-    questions: list[str] = field(default_factory=list)
+    further: tuple[Entry, ...] = ()
 
-    def mirror(self) -> None:
-        """Takes over that the y axis of a velocity is reversed."""
-        self.axes = ("x", "-y", "z")
-        self.velocity_p_mps = permute_axes(self.velocity_p_mps, self.axes)
+    def mirrored(self) -> Self:
+        """The same with the y axis of its velocity reversed."""
+        axes: Axes = ("x", "-y", "z")
+        return replace(self, axes=axes, velocity_p_mps=permute_axes(self.velocity_p_mps, axes))
 
-    def turned(self, C: Floats) -> None:
-        """Takes over a mounting of the instrument: a rotation (3, 3)."""
-        self.velocity_p_mps = np.asarray(self.velocity_p_mps @ C.T)
+    def turned(self, C: Floats) -> Self:
+        """The same with a mounting of the instrument: a rotation (3, 3)."""
         roll, pitch, yaw = Rotation.from_matrix(C).as_euler("ZYX", degrees=True)[::-1].round(1) + 0.0
-        self.mounting_deg = float(roll), float(pitch), float(yaw)
+        velocity = np.asarray(self.velocity_p_mps @ C.T)
+        return replace(self, velocity_p_mps=velocity, mounting_deg=(float(roll), float(pitch), float(yaw)))
+
+    def saying(self, key: str, why: str, asks: str = "") -> Self:
+        """The same with what is assumed of a key of its geometry, or what is asked."""
+        return replace(self, further=(*self.further, Entry(f"dvl.{key}", why=why, known=False, asks=asks)))
 
 
 def dvl_of_recording(recording: Recording) -> DvlPart:
@@ -117,12 +123,12 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
         geometry_text=text, geometry_why=why, geometry_known=known, claimed=(geometry, claimed),
         noise=_noise(geometry, claimed, table) if order is None else None,
     )  # fmt: skip
-    if order is not None:
-        part.questions.append(
-            f"is the order of the beams that of the geometry? They close {order.ratio:.1f} times better with beams "
-            f"{order.words} exchanged"
-        )
-    return part
+    if order is None:
+        return part
+    return part.saying(
+        "file", f"the beams are in the order of the geometry, and close {order.ratio:.1f} times better with beams "
+        f"{order.words} exchanged", "instrument",
+    )  # fmt: skip
 
 
 def _better_order(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> BetterOrder | None:
@@ -149,20 +155,22 @@ def _claimed(name: str, text: str) -> tuple[BeamGeometry, Floats]:
     return instrument.geometry, np.asarray(instrument.beam_sd_mps)
 
 
-def set_noise(dvl: DvlPart, pings: PingNoise | None) -> None:
-    """Takes over the noise that consecutive pings show, where it exceeds the geometry's claim and the closure."""
+def with_noise(dvl: DvlPart, pings: PingNoise | None) -> DvlPart:
+    """The same with the noise that consecutive pings show, where it exceeds the geometry's claim and the closure."""
     if pings is None or dvl.claimed is None:
-        return
-    geometry, claimed = dvl.claimed
+        return dvl
+    geometry, sd_mps = dvl.claimed
+    claimed = float(np.mean(sd_mps))
     found = beam_noise(np.asarray(geometry.directions_p), pings.velocity_sd_mps)
-    stated = float(np.mean(claimed)) if dvl.noise is None else dvl.noise[0]
     level, vertical = float(np.sqrt(np.mean(pings.velocity_sd_mps[:2] ** 2))), float(pings.velocity_sd_mps[2])
-    words = f"consecutive pings scatter by {level:.2g} m/s level and {vertical:.2g} m/s vertical beyond the motion"
-    if found > NOISY * stated:
-        dvl.noise = float(f"{found:.2g}"), f"{words}; the geometry claims {float(np.mean(claimed)):.2g}"
-    if not dvl.geometry_known and vertical > 0.0 and found > NOISY * float(np.mean(claimed)):
+    noise, why = dvl.noise, dvl.geometry_why
+    if found > NOISY * (claimed if noise is None else noise[0]):
+        scatter = f"consecutive pings scatter by {level:.2g} m/s level and {vertical:.2g} m/s vertical"
+        noise = float(f"{found:.2g}"), f"{scatter} beyond the motion; the geometry claims {claimed:.2g}"
+    if not dvl.geometry_known and vertical > 0.0 and found > NOISY * claimed:
         tilt = float(np.rad2deg(tilt_of_noise(pings.velocity_sd_mps)))
-        dvl.geometry_why += f"; the noise of the velocity is that of beams tilted by {tilt:.0f} deg"
+        why += f"; the noise of the velocity is that of beams tilted by {tilt:.0f} deg"
+    return replace(dvl, noise=noise, geometry_why=why)
 
 
 def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[float, str] | None:

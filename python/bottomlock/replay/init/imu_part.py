@@ -1,6 +1,6 @@
 """The IMU of a first case: units, axes, clock, noise, each guessed from its readings."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -46,7 +46,7 @@ class ImuPart:
         made: whether they are made from an attitude, since no file holds any.
         left_out: what is wrong with rows that are not used, and the first of them, for a remark.
         unordered, first_unordered: rows that repeat a time or go back, and the first of them.
-        notes: remarks for the case.
+        tilted: how far gravity is off that axis; "" where it is near.
     """
 
     found: Found
@@ -67,7 +67,7 @@ class ImuPart:
     first_unordered: int = 0
     handed: bool = False
     made: bool = False
-    notes: tuple[str, ...] = field(default=())
+    tilted: str = ""
 
     @property
     def force_p_mps2(self) -> Floats:
@@ -152,13 +152,10 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
         f"the mean specific force on {'xyz'[axis]} is {mean:+.2f} m/s², so "
         f"{'-' if sign < 0 else ''}{'xyz'[axis]} points down"
     )
-    notes = []
-    if angle > TILTED_RAD:
-        notes.append(
-            f"gravity is {np.rad2deg(angle):.0f} deg off that axis: is the IMU mounted at an angle? "
-            "mounting_roll_deg and "
-            "mounting_pitch_deg turn it"
-        )
+    tilted = (
+        f"gravity is {np.rad2deg(angle):.0f} deg off that axis: mounting_roll_deg and mounting_pitch_deg turn an IMU "
+        "that is mounted at an angle"
+    ) * bool(angle > TILTED_RAD)  # fmt: skip
     axes = axes_with_down(axis, sign)
     steady = {s: gravity_unsteady(time_ns, force @ axes.T, s * omega @ axes.T) for s in (1.0, -1.0)}
     handed = bool(max(steady.values()) > HANDED * min(steady.values()))
@@ -178,7 +175,7 @@ def guess_imu(found: Found, duration_s: float | None, omega_is: Guess | None = N
             f"rows {words} are left out: {np.sum(of)}, the first of them row {np.argmax(of)}"
             for of, words in left_out if of.any()
         ),
-        first_unordered=int(np.argmax(whole & ~rises)), notes=tuple(notes),
+        first_unordered=int(np.argmax(whole & ~rises)), tilted=tilted,
     )  # fmt: skip
 
 

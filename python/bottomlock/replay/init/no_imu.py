@@ -5,10 +5,9 @@ import numpy as np
 from bottomlock.errors import DataError
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles
-from bottomlock.replay.init.draft import Section
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, round_up
+from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.other_parts import angles_of
 from bottomlock.replay.motion.ping_noise import PingNoise
@@ -41,22 +40,6 @@ def imu_of_attitude(attitudes: list[Found]) -> ImuPart | None:
         force=Guess("m/s2", ""), omega=Guess("rad/s", ""), increments=False, axes=np.eye(3), axes_why="",
         axes_known=True, rate_hz=1e9 / float(np.median(np.diff(time_ns))), made=True,
     )  # fmt: skip
-
-
-def put_source(imu: ImuPart) -> Section:
-    """The section [imu] of such a case."""
-    section = Section("imu")
-    section.put("source", "attitude", "no file holds specific force and angular rate (docs/no_imu.md)")
-    steps_s = np.diff(imu.time_ns) * 1e-9
-    longest = float(steps_s.max())
-    if longest > 3.0 * float(np.median(steps_s)):
-        section.put(
-            "bridge_gaps_s", round_up(longest),
-            f"the longest step of the attitude is {longest:.3g} s, bridged by a turn at a constant rate: does the "
-            "vehicle move then?",
-            known=False,
-        )  # fmt: skip
-    return section
 
 
 def noise_of_pings(dvl: DvlPart) -> PingNoise | None:

@@ -52,7 +52,7 @@ class AttitudeMatch:
         return self.correlation > 0.4 and self.correlation > self.other + 0.1
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class AttitudePart:
     """An attitude as guessed: its table has angles, or (`rpy_rad` written again) quaternions."""
 
@@ -121,20 +121,17 @@ def guess_attitude(found: Found, imu: ImuPart, dvl: DvlPart) -> AttitudePart | N
     rpy, unit = angles_of(found)
     offset = clock_offset(times, imu, dvl)
     match = match_attitude(times + round(offset.seconds * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
-    part = AttitudePart(found, rpy, unit, match, offset)
     if match is not None and match.clear:
-        slope = match.slope
-        if not unit.known and slope < 0.1 and "q0" not in found.columns:
-            part.unit = Guess(
-                "deg", f"in radians its rates would be {1.0 / max(slope, 1e-9):.0f} times those of the gyros"
+        if not unit.known and match.slope < 0.1 and "q0" not in found.columns:
+            times_as_large = 1.0 / max(match.slope, 1e-9)
+            unit = Guess(
+                "deg", f"in radians its rates would be {times_as_large:.0f} times those of the gyros"
             )
-            part.rpy_rad = np.deg2rad(rpy)
+            rpy = np.deg2rad(rpy)
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
-            moved = offset.seconds + match.offset_s
-            part.offset = Offset(
-                moved, f"its turn rates fit the gyros' best when moved by {match.offset_s:+.2f} s"
-            )
-    return part
+            why = f"its turn rates fit the gyros' best when moved by {match.offset_s:+.2f} s"
+            offset = Offset(offset.seconds + match.offset_s, why)
+    return AttitudePart(found, rpy, unit, match, offset)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """The streams that a first case uses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
@@ -12,7 +13,7 @@ from bottomlock.replay.motion.gyros import GyroMatch
 from bottomlock.replay.motion.ping_noise import PingNoise
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """The streams that a case uses, and what they say of one another.
 
@@ -29,7 +30,7 @@ class Parts:
     depth: DepthPart | None
     gps: PositionPart | None
     reference: PositionPart | None
-    unused: list[Found]
+    unused: Sequence[Found] = ()
     gyros: GyroMatch | None = None
     pings: PingNoise | None = None
 

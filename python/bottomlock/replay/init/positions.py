@@ -24,7 +24,7 @@ TRUTHS = ("ref", "gt", "truth", "ground", "slam", "telemetry", "ekf", "mocap", "
 """Words in the names of files."""
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class PositionPart:
     """Positions as guessed.
 

@@ -165,6 +165,10 @@ class Sources:
         """The streams of some kinds, in the order of the files."""
         return [one for one in self.streams if one.kind in kinds]
 
+    def timed(self, *kinds: str) -> list[Found]:
+        """Those of them that have times."""
+        return [one for one in self.of(*kinds) if one.times.time_ns is not None]
+
 
 def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
     """Reads every file, and finds its streams.

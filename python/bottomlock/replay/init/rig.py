@@ -11,12 +11,15 @@ from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
 from bottomlock.recordings.track_fit import TrackFit, fit_track
-from bottomlock.replay.init.dvl_part import DvlPart
+from bottomlock.replay.init.dvl_part import DvlPart, with_noise
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
-from bottomlock.replay.init.other_parts import AttitudePart
+from bottomlock.replay.init.no_imu import noise_of_pings
+from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude
+from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, turns_of
+from bottomlock.replay.motion.ping_noise import ping_noise
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7
@@ -138,35 +141,72 @@ def _yaw(yaw_rad: float) -> Floats:
     return np.asarray(Rotation.from_euler("Z", yaw_rad).as_matrix()).round(12) + 0.0
 
 
-def set_axes(
-    dvl: DvlPart, imu: ImuPart, attitude: AttitudePart | None, turned: Rates | None, track: TrackFit | None
-) -> ImuPart:
-    """Axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
+CONFIRMED = 0.5
+"""Correlation of the rates on every axis from which an attitude confirms the axes of the IMU."""
+
+
+def by_attitude(parts: Parts) -> Parts:
+    """The streams of a vehicle without inertial readings: noise of the DVL by its pings, its yaw by positions."""
+    dvl, attitude = with_noise(parts.dvl, noise_of_pings(parts.dvl)), parts.attitude
+    track = track_yaw(dvl, attitude, parts.reference)
+    if track is None or attitude is None:
+        why = "no inertial readings: clock and axes of the DVL are those of the attitude"
+        return replace(parts, dvl=dvl.saying("axes", why))
+    attitude, track = true_or_magnetic(attitude, track, None)
+    dvl = _mounted(replace(dvl, mounting_why=_by_track(track)), track)
+    return replace(parts, dvl=dvl, attitude=attitude)
+
+
+def by_motion(parts: Parts) -> Parts:
+    """The streams with axes, clock and noise by comparing IMU, DVL, attitude and positions with one another."""
+    interval_s = float(np.median(np.diff(parts.dvl.time_ns))) * 1e-9
+    attitude = parts.attitude
+    confirmed = attitude is not None and attitude.match is not None and attitude.match.least > CONFIRMED
+    turned = turns(parts.imu, attitude, interval_s, parts.latitude_rad) if confirmed else None
+    parts = _with_axes(parts, turned)
+    imu, attitude = parts.imu, parts.attitude
+    if attitude is not None:
+        again = guess_attitude(attitude.found, imu, parts.dvl)
+        attitude = again and replace(
+            again, declination_rad=attitude.declination_rad, declination_why=attitude.declination_why
+        )
+    rates = turns(imu, attitude, interval_s, parts.latitude_rad)
+    pings = ping_noise(recorded(imu, parts.dvl, rates.omega_p_radps))
+    if rates.of_attitude and rates.gyros is not None and pings is not None:
+        # The force is integrated with the gyros' rotation by a filter, too, so that their part in its error counts.
+        own = ping_noise(recorded(imu, parts.dvl, imu.omega_p_radps - rates.gyros.offset_radps))
+        felt = pings.force_mps_rts if own is None else max(own.force_mps_rts, pings.force_mps_rts)
+        pings = replace(pings, force_mps_rts=felt)
+    return replace(parts, attitude=attitude, gyros=rates.gyros, pings=pings, dvl=with_noise(parts.dvl, pings))
+
+
+def _with_axes(parts: Parts, turned: Rates | None) -> Parts:
+    """The streams in axes by which the velocity follows the inertial readings, and what a fit of both finds in them.
 
     Args:
-        dvl, imu, attitude: as guessed.
+        parts: as guessed.
         turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
-        track: yaw of the velocity by recorded positions; None where they do not tell it.
     """
-    before, omega = imu.axes, None if turned is None else turned.omega_p_radps
-    felt = _felt(dvl, recorded(imu, dvl, omega), left_handed=turned is None and not imu.handed)
+    dvl, attitude, before = parts.dvl, parts.attitude, parts.imu.axes
+    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
+    omega = None if turned is None else turned.omega_p_radps
+    left_handed = turned is None and not parts.imu.handed
+    dvl, felt = _felt(dvl, recorded(parts.imu, dvl, omega), left_handed=left_handed)
     if track is not None and attitude is not None:
-        track = true_or_magnetic(attitude, track, felt)
-    imu = _placed(dvl, imu, felt, track, of_vehicle=turned is None or dvl.recording is None)
+        attitude, track = true_or_magnetic(attitude, track, felt)
+    of_vehicle = turned is None or dvl.recording is None
+    dvl, imu = _placed(dvl, parts.imu, felt, track, of_vehicle=of_vehicle)
     omega = None if omega is None else omega @ before @ imu.axes.T
     prior = LOOSE | (STIFF if turned is not None and turned.of_attitude else {})
-    dvl.match = fit(recorded(imu, dvl, omega), prior=prior)
-    if dvl.match is not None and not dvl.match.plausible:
+    match = fit(recorded(imu, dvl, omega), prior=prior)
+    if match is not None and not match.plausible:
         stiff = fit(recorded(imu, dvl, omega), prior=LOOSE | STIFF_SCALE)
-        dvl.match = stiff if stiff is not None and stiff.plausible else dvl.match
-    if dvl.match is None:
-        dvl.questions.append("too few pings overlap the IMU's readings: clock and axes could not be compared")
-    _refine_clock(dvl)
-    return imu
+        match = stiff if stiff is not None and stiff.plausible else match
+    return replace(parts, imu=imu, dvl=_matched(dvl, match), attitude=attitude)
 
 
-def _felt(dvl: DvlPart, recorded: Recorded, *, left_handed: bool) -> Match | None:
-    """The fit in the axes that a search finds, where it tells them; of an IMU that may be left-handed, the better.
+def _felt(dvl: DvlPart, recorded: Recorded, *, left_handed: bool) -> tuple[DvlPart, Match | None]:
+    """The DVL, and the fit in the axes that a search finds; of an IMU that may be left-handed, the better one.
 
     In left-handed axes of an IMU rates turn the other way. A velocity in left-handed axes gets its y axis reversed.
     """
@@ -175,19 +215,18 @@ def _felt(dvl: DvlPart, recorded: Recorded, *, left_handed: bool) -> Match | Non
     ]
     telling = [(hand, one) for hand, one in fits if one is not None and one.explained > FELT]
     if not telling:
-        return None
+        return dvl, None
     hand, best = min(telling, key=lambda one: one[1].sigma_mps)
     if np.linalg.det(best.turned) * hand > 0.0:
-        return best
+        return dvl, best
     if hand < 0.0 or dvl.recording is not None:
-        return None
-    dvl.mirror()
-    return replace(best, axes=best.axes @ MIRROR)
+        return dvl, None
+    return dvl.mirrored(), replace(best, axes=best.axes @ MIRROR)
 
 
 def _placed(
     dvl: DvlPart, imu: ImuPart, felt: Match | None, track: TrackFit | None, *, of_vehicle: bool
-) -> ImuPart:
+) -> tuple[DvlPart, ImuPart]:
     """The IMU turned to a DVL's vehicle axes, or the DVL mounted, as accelerations and track show.
 
     A velocity in columns is usually in the vehicle's axes, so a quarter turn is that of the IMU, as that of an IMU
@@ -201,13 +240,14 @@ def _placed(
     """
     words = [] if felt is None else [_by_accelerations(felt)]
     words += [] if track is None else [_by_track(track)]
-    dvl.mounting_why = "; ".join(words)
+    why = "; ".join(words)
     if felt is not None and track is not None:
         apart = abs(float(np.angle(np.exp(1j * (track.angle_rad - _heading(felt.turned))))))
         if apart > 3.0 * np.hypot(felt.part_sd("rotation")[2], track.sd_rad):
-            dvl.questions.append(
-                f"is the heading right? Both disagree: yaw_offset_deg of [attitude] may be {np.rad2deg(apart):.0f} off"
-            )
+            dvl = dvl.saying(
+                "mounting_yaw_deg", f"both disagree: yaw_offset_deg of [attitude] may be {np.rad2deg(apart):.0f} off",
+                "heading",
+            )  # fmt: skip
             track = None
     by_track = track is not None and (felt is None or felt.turned[2, 2] > np.cos(OFF_QUARTER_RAD))
     if track is not None and by_track:
@@ -215,25 +255,31 @@ def _placed(
     elif felt is not None:
         turned, sd = felt.turned, float(felt.part_sd("rotation")[2])
     else:
-        return imu
+        return replace(dvl, mounting_why=why), imu
     left_handed = bool(np.linalg.det(turned) < 0.0)
     quarters = round(_heading(turned) / QUARTER_RAD)
     stands = _yaw(QUARTER_RAD * quarters) @ (MIRROR if left_handed else np.eye(3))
     off = float(Rotation.from_matrix(turned @ stands.T).magnitude())
     of_quarter = off < max(2.0 * sd, OFF_QUARTER_RAD)
     if left_handed or (of_quarter and quarters and of_vehicle):
-        dvl.mounting_why += f", so IMU and attitude are turned by {-90 * quarters:+d} deg to it"
-        dvl.mounting_why += ", and left-handed" if left_handed else ""
-        return imu.with_axes(stands.T @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
+        why += f", so IMU and attitude are turned by {-90 * quarters:+d} deg to it"
+        why += ", and left-handed" if left_handed else ""
+        imu = imu.with_axes(stands.T @ imu.axes, f"{imu.axes_why}; see [dvl]", known=True)
+        return replace(dvl, mounting_why=why), imu
+    dvl = replace(dvl, mounting_why=why)
     if track is not None and by_track:
-        _mounted(dvl, track)
+        dvl = _mounted(dvl, track)
     elif of_quarter:
-        dvl.turned(stands)
+        dvl = dvl.turned(stands)
     elif felt is not None and _sure(felt, off):
-        dvl.turned(turned)
+        dvl = dvl.turned(turned)
     else:
-        dvl.questions.append(f"how is the DVL mounted? It moves as if turned by {_angles(turned)}")
-    return imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
+        dvl = dvl.saying(
+            "mounting",
+            f"as the geometry states it, and it moves as if turned by {_angles(turned)}",
+            "instrument",
+        )
+    return dvl, imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
 
 
 def _heading(turned: Floats) -> float:
@@ -263,40 +309,32 @@ def _by_accelerations(felt: Match) -> str:
     )
 
 
-def set_yaw_by_track(dvl: DvlPart, attitude: AttitudePart | None, track: TrackFit | None) -> None:
-    """Mounting yaw of a DVL on a vehicle without inertial readings, by its track against positions."""
-    if track is None or attitude is None:
-        dvl.questions.append("no inertial readings: are clock and axes of the DVL those of the attitude?")
-        return
-    track = true_or_magnetic(attitude, track, None)
-    dvl.mounting_why = _by_track(track)
-    _mounted(dvl, track)
-
-
 def _by_track(track: TrackFit) -> str:
     yaw, sd = np.rad2deg(track.angle_rad), np.rad2deg(track.sd_rad)
     told = f"{yaw:+.1f} ± {sd:.2g} deg (agreement {track.agreement:.2f})"
     return f"by its track against the recorded positions by {told}, an error of the heading included"
 
 
-def _mounted(dvl: DvlPart, track: TrackFit) -> None:
+def _mounted(dvl: DvlPart, track: TrackFit) -> DvlPart:
     """The DVL turned by the yaw of its track, where that is beyond doubt."""
-    if abs(track.angle_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD):
-        dvl.turned(_yaw(track.angle_rad))
+    sure = abs(track.angle_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD)
+    return dvl.turned(_yaw(track.angle_rad)) if sure else dvl
 
 
 CLEAR = 9.0
 """Difference of the squares of two departures in sigmas from which a yaw is taken to be true."""
 
 
-def true_or_magnetic(attitude: AttitudePart, track: TrackFit, felt: Match | None) -> TrackFit:
-    """The track's yaw with the declination taken back, where the track follows positions far better without it.
+def true_or_magnetic(
+    attitude: AttitudePart, track: TrackFit, felt: Match | None
+) -> tuple[AttitudePart, TrackFit]:
+    """Both with the declination taken back, where the track follows positions far better without it.
 
     It should be that of the accelerations. Without them a DVL mounted at the very angle of the declination cannot be
     told from it; the case says what was decided.
 
     Args:
-        attitude: its yaw is taken to be true then.
+        attitude: its yaw is true then.
         track: yaw of the DVL's track with the declination.
         felt: the velocity against the inertial readings, where these tell its axes.
     """
@@ -306,13 +344,13 @@ def true_or_magnetic(attitude: AttitudePart, track: TrackFit, felt: Match | None
         float(np.angle(np.exp(1j * (yaw - expected)))) / track.sd_rad for yaw in (track.angle_rad, without)
     ]
     if off[0] ** 2 - off[1] ** 2 < CLEAR:
-        return track
-    attitude.declination_why = (
-        "is the yaw true? The track follows the positions without the declination of "
+        return attitude, track
+    why = (
+        "the yaw is true: the track follows the positions without the declination of "
         f"{np.rad2deg(attitude.declination_rad):+.1f} deg, which yaw_offset_deg would add"
     )
-    attitude.declination_rad = 0.0
-    return replace(track, angle_rad=without)
+    attitude = replace(attitude, declination_rad=0.0, declination_why=why)
+    return attitude, replace(track, angle_rad=without)
 
 
 def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None) -> TrackFit | None:
@@ -335,17 +373,16 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
     return track if tells else None
 
 
-def _refine_clock(dvl: DvlPart) -> None:
-    """Takes over a clock offset that the motion shows beyond doubt."""
-    match = dvl.match
-    if match is None or not match.plausible:
-        if match is not None:
-            dvl.questions.append(
-                "the velocity does not follow the IMU: are both of the same dive, and which axes have they?"
-            )
-        return
+def _matched(dvl: DvlPart, match: Match | None) -> DvlPart:
+    """The DVL with its fit, and with a clock offset that the motion shows beyond doubt."""
+    dvl = replace(dvl, match=match)
+    if match is None:
+        return dvl.saying("clock", "as recorded: too few pings overlap the IMU's readings to compare them")
+    if not match.plausible:
+        return dvl.saying("clock", "as recorded, and axes too: the velocity does not follow the IMU")
     clock, sd = float(match.part("clock")[0]), float(match.part_sd("clock")[0])
-    if abs(clock) > max(6.0 * sd, 0.03):
-        words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
-        why = f"{dvl.offset.why}; {words}" if dvl.offset.why else words
-        dvl.offset = replace(dvl.offset, seconds=dvl.offset.seconds + clock, why=why)
+    if abs(clock) <= max(6.0 * sd, 0.03):
+        return dvl
+    words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
+    why = f"{dvl.offset.why}; {words}" if dvl.offset.why else words
+    return replace(dvl, offset=replace(dvl.offset, seconds=dvl.offset.seconds + clock, why=why))
