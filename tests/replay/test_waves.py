@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bottomlock.replay.init.waves import find_waves
+from bottomlock.replay.init.depth_part import find_waves
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 4.0])

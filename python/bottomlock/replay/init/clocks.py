@@ -6,6 +6,7 @@ from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import search_offset
 from bottomlock.recordings.streams import Inertial, Integers
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
+from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Offset
 from bottomlock.replay.init.imu_part import ImuPart
 
@@ -17,9 +18,10 @@ LEAST_S = 60.0
 Span = tuple[int, int]
 
 
-def clock_offset(time_ns: Integers, imu: ImuPart, dvl: DvlPart) -> Offset:
+def clock_offset(found: Found, imu: ImuPart, dvl: DvlPart) -> Offset:
     """The offset of a stream's clock: that of the IMU, of the DVL, another time zone, or unknown."""
-    ours, theirs = _span(imu.time_ns), _span(time_ns)
+    assert found.times.time_ns is not None  # chosen so
+    ours, theirs = _span(imu.time_ns), _span(found.times.time_ns)
     if _overlap(ours, theirs) > ENOUGH:
         return Offset()
     if dvl.offset.seconds and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:

@@ -89,6 +89,11 @@ class DvlPart:
     match: Match | None = None
     further: tuple[Entry, ...] = ()
 
+    @property
+    def on_imu_ns(self) -> Integers:
+        """(p,) times of these pings on the IMU's clock."""
+        return self.time_ns + round(self.offset.seconds * 1e9)
+
     def mirrored(self) -> Self:
         """The same with the y axis of its velocity reversed."""
         axes: Axes = ("x", "-y", "z")

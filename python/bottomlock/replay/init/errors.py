@@ -10,7 +10,7 @@ from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
 from bottomlock.replay.init.entries import Entry, remark
 from bottomlock.replay.init.guess import round_up, white_noise
-from bottomlock.replay.init.parts import Parts
+from bottomlock.replay.init.rig import Parts
 from bottomlock.replay.motion.gyros import GyroMatch
 from bottomlock.replay.vehicle_motion import vehicle_motion
 

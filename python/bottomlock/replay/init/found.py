@@ -1,7 +1,7 @@
 """Streams in a table: which columns are IMU, attitude, depth, position or velocity, and when their rows are."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import polars as pl
@@ -32,7 +32,7 @@ def _step(values: Floats | Integers) -> tuple[float, Floats]:
     return float(step), np.asarray(since - begin - step * row)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Times:
     """Times of a table's rows.
 
@@ -53,29 +53,30 @@ class Times:
     rate_hz: float | None = None
     within_s: float = 0.0
 
-    def __post_init__(self) -> None:
-        """Takes an even rate where more than a few stamps do not rise and no row is missing.
 
-        A few rows that repeat a time or go back are left to the clock, which leaves them out and says which.
-        """
-        if self.time_ns is None or len(self.time_ns) < LEAST_EVEN:
-            return
-        if float((np.diff(self.time_ns) <= 0).mean()) <= FEW:
-            return
-        step_ns, off_ns = _step(self.time_ns)
-        within_s = float(np.abs(off_ns - np.median(off_ns)).max()) * 1e-9
-        if step_ns <= 0.0 or within_s > MOST_OFF_S:
-            return
-        self.rate_hz, self.within_s = float(f"{1e9 / step_ns:.8g}"), float(f"{1.2 * within_s:.2g}")
-        even = np.round(np.arange(len(self.time_ns)) * (1e9 / self.rate_hz)).astype(np.int64)
-        self.time_ns = even + int(np.median(self.time_ns - even))
-        self.why += (
-            f"; the stamps are coarse or jitter by up to {within_s:.2g} s, "
-            f"and the rows are even at {self.rate_hz:.4g} Hz"
-        )
+def evened(times: Times) -> Times:
+    """The times, or those of an even rate where more than a few stamps do not rise and no row is missing.
+
+    A few rows that repeat a time or go back are left to the clock, which leaves them out and says which.
+    """
+    time_ns = times.time_ns
+    if time_ns is None or len(time_ns) < LEAST_EVEN or float((np.diff(time_ns) <= 0).mean()) <= FEW:
+        return times
+    step_ns, off_ns = _step(time_ns)
+    within_s = float(np.abs(off_ns - np.median(off_ns)).max()) * 1e-9
+    if step_ns <= 0.0 or within_s > MOST_OFF_S:
+        return times
+    rate_hz = float(f"{1e9 / step_ns:.8g}")
+    even = np.round(np.arange(len(time_ns)) * (1e9 / rate_hz)).astype(np.int64)
+    why = (
+        f"{times.why}; the stamps are coarse or jitter by up to {within_s:.2g} s, "
+        f"and the rows are even at {rate_hz:.4g} Hz"
+    )
+    even += int(np.median(time_ns - even))
+    return replace(times, time_ns=even, why=why, rate_hz=rate_hz, within_s=float(f"{1.2 * within_s:.2g}"))
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Found:
     """A stream in a table.
 
@@ -220,6 +221,15 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
 
 
 def table_times(table: AnyTable, kind: str) -> Times:
+    """Times of a table's rows, even where their stamps are coarse: see `evened`.
+
+    Raises:
+        DataError: for a column of times with another kind of dates.
+    """
+    return evened(_stamps(table, kind))
+
+
+def _stamps(table: AnyTable, kind: str) -> Times:
     """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else ISO 8601 dates.
 
     Raises:

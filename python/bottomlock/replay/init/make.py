@@ -13,16 +13,15 @@ from bottomlock.files.overwriting import check_free
 from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
 from bottomlock.replay.case import parse_case
-from bottomlock.replay.init.clocks import dvl_offset
+from bottomlock.replay.init.attitude_part import AttitudePart, guess_attitude, imu_of_attitude
+from bottomlock.replay.init.clocks import clock_offset, dvl_offset
+from bottomlock.replay.init.depth_part import guess_depth
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart, dvl_of_recording, dvl_of_velocity
 from bottomlock.replay.init.entries import Entry, placed, questions, toml_of
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart, guess_imu
-from bottomlock.replay.init.no_imu import imu_of_attitude
-from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude, guess_depth
-from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
-from bottomlock.replay.init.rig import by_attitude, by_motion, unit_by_attitude
+from bottomlock.replay.init.rig import Parts, by_attitude, by_motion, unit_by_attitude
 from bottomlock.replay.init.sections import draft
 from bottomlock.replay.init.sources import Sources, read_sources
 
@@ -94,17 +93,15 @@ def choose(sources: Sources) -> Parts:
     if made is not None:
         attitudes = [made.found]
     attitudes.sort(key=lambda one: reference is not None and one.table is reference.table)
-    attitude = guess_attitude(attitudes[0], imu, dvl) if attitudes else None
+    attitude = guess_attitude(attitudes[0], imu, clock_offset(attitudes[0], imu, dvl)) if attitudes else None
     unit = None if imu.made else unit_by_attitude(imu, attitude)
     if unit is not None:
         imu = guess_imu(found_imu, duration_s, unit)
-        attitude = guess_attitude(attitudes[0], imu, dvl)
+        attitude = guess_attitude(attitudes[0], imu, clock_offset(attitudes[0], imu, dvl))
     sensed = sources.timed("depth", "pressure")
     sensed.sort(key=lambda one: (one.kind != "depth", "depth" not in one.table.label))
-    depth = guess_depth(sensed[0], imu, dvl) if sensed else None
-    at_gps, at_reference = (
-        None if one is None else guess_positions(one, imu, dvl, attitude) for one in (gps, reference)
-    )
+    depth = guess_depth(sensed[0], imu, clock_offset(sensed[0], imu, dvl)) if sensed else None
+    at_gps, at_reference = (_positions(one, imu, dvl, attitude) for one in (gps, reference))
     parts = Parts(imu, dvl, attitude, depth, at_gps, at_reference)
     if attitude is not None and not parts.attitude_of_reference:
         parts = replace(parts, attitude=with_declination(attitude, parts.reference or parts.gps))
@@ -116,6 +113,16 @@ def choose(sources: Sources) -> Parts:
         return by_motion(parts)
     why = f"as recorded: only {len(dvl.time_ns)} pings give a whole velocity to compare it with the IMU"
     return replace(parts, dvl=dvl.saying("clock", why))
+
+
+def _positions(
+    found: Found | None, imu: ImuPart, dvl: DvlPart, attitude: AttitudePart | None
+) -> PositionPart | None:
+    if found is None:
+        return None
+    shared = attitude is not None and attitude.found.table is found.table
+    offset = attitude.offset if attitude is not None and shared else clock_offset(found, imu, dvl)
+    return guess_positions(found, dvl.on_imu_ns, offset)
 
 
 def _dvl(sources: Sources) -> DvlPart:

@@ -8,12 +8,8 @@ import numpy as np
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Integers
-from bottomlock.replay.init.clocks import clock_offset
-from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, Offset, angle_unit
-from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.other_parts import AttitudePart
 
 LEAST_SD_M = 1.0
 """Positions of satellites wander by as much over minutes, which their scatter does not show."""
@@ -70,15 +66,16 @@ class PositionPart:
         return f"resolution {self.resolution_m:.2g} m, scatter {self.scatter_m:.2g} m, {there}, {gaps}"
 
 
-def guess_positions(
-    found: Found, imu: ImuPart, dvl: DvlPart, attitude: AttitudePart | None
-) -> PositionPart | None:
-    """Unit, clock and noise of positions; None with fewer than four."""
+def guess_positions(found: Found, pings_ns: Integers, offset: Offset) -> PositionPart | None:
+    """Unit and noise of positions on a clock; None with fewer than four.
+
+    Args:
+        found: their columns.
+        pings_ns: (p,) times of the pings, on the IMU's clock.
+        offset: of their own clock to that.
+    """
     times = found.times.time_ns
     assert times is not None  # chosen so
-    offset = clock_offset(times, imu, dvl)
-    if attitude is not None and attitude.found.table is found.table:
-        offset = attitude.offset
     columns = _rewritten(found)
     unit, first = None, (np.nan, np.nan)
     if found.kind == "geodetic":
@@ -107,23 +104,12 @@ def guess_positions(
     steps = [np.diff(np.unique(place[:, k].round(3))) for k in range(2)]
     least = [float(x.min()) for x in steps if x.size]
     gaps_s = np.diff(own) * 1e-9
-    pings = dvl.time_ns + round(dvl.offset.seconds * 1e9)
-    nearest = np.clip(np.searchsorted(own, pings), 1, len(own) - 1)
-    apart = np.minimum(np.abs(own[nearest] - pings), np.abs(own[nearest - 1] - pings))
-    near = float((apart < 2e9 * float(np.median(gaps_s))).mean()) if len(pings) else 0.0
+    nearest = np.clip(np.searchsorted(own, pings_ns), 1, len(own) - 1)
+    apart = np.minimum(np.abs(own[nearest] - pings_ns), np.abs(own[nearest - 1] - pings_ns))
+    near = float((apart < 2e9 * float(np.median(gaps_s))).mean()) if len(pings_ns) else 0.0
     return PositionPart(
-        found,
-        columns,
-        unit,
-        offset,
-        own,
-        place,
-        max(least, default=0.0),
-        scatter,
-        near,
-        float(gaps_s.max()),
-        *first,
-    )
+        found, columns, unit, offset, own, place, max(least, default=0.0), scatter, near, float(gaps_s.max()), *first
+    )  # fmt: skip
 
 
 def is_reference(found: Found, sources: int) -> bool:

@@ -1,25 +1,30 @@
-"""Axes, turns and velocity of IMU, attitude sensor and DVL against one another: quarter turns, handedness, yaw."""
+"""The streams of a first case, and what they say of one another: axes, turns, velocity, handedness, yaw, clock."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from bottomlock.errors import DataError
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
 from bottomlock.recordings.track_fit import TrackFit, fit_track
+from bottomlock.replay.init.attitude_part import AttitudePart, guess_attitude
+from bottomlock.replay.init.clocks import clock_offset
+from bottomlock.replay.init.depth_part import DepthPart
 from bottomlock.replay.init.dvl_part import DvlPart, with_noise
+from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
-from bottomlock.replay.init.no_imu import noise_of_pings
-from bottomlock.replay.init.other_parts import AttitudePart, guess_attitude
-from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at, match_gyros, turns_of
-from bottomlock.replay.motion.ping_noise import ping_noise
+from bottomlock.replay.motion.ping_noise import PingNoise, ping_noise
+from bottomlock.replay.vehicle_motion import vehicle_motion
 
 EARTH_RADPS = 7.292115e-5
 SURE = 0.7
@@ -28,6 +33,43 @@ NEAR = 2.0
 """A unit is told by a slope within this factor."""
 POOR_RAD_RTS = 5e-4
 """Noise of gyros (1.7 deg/√h) from which the attitude's own turns are the better ones over seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The streams that a case uses, and what they say of one another.
+
+    Attributes:
+        imu, dvl, attitude, depth, gps, reference: as guessed, None where absent.
+        unused: streams of the files that the case does not name.
+        gyros: the gyros against the attitude; None without one.
+        pings: the velocity against the accelerometers; None with too few pings.
+    """
+
+    imu: ImuPart
+    dvl: DvlPart
+    attitude: AttitudePart | None
+    depth: DepthPart | None
+    gps: PositionPart | None
+    reference: PositionPart | None
+    unused: Sequence[Found] = ()
+    gyros: GyroMatch | None = None
+    pings: PingNoise | None = None
+
+    @property
+    def latitude_rad(self) -> float:
+        """Latitude of the first recorded position; NaN without one on the Earth."""
+        known = [one.latitude_rad for one in (self.reference, self.gps) if one is not None]
+        return next((latitude for latitude in known if isfinite(latitude)), float("nan"))
+
+    @property
+    def attitude_of_reference(self) -> bool:
+        """Whether the attitude is that of the reference, which must not aid what it judges."""
+        return (
+            self.attitude is not None
+            and self.reference is not None
+            and self.attitude.found.table is self.reference.found.table
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +153,7 @@ def recorded(
     P = imu.axes if axes is None else axes
     omega = imu.omega_s_radps @ P.T if omega_p_radps is None else omega_p_radps
     inertial = Inertial(imu.time_ns, imu.force_s_mps2 @ P.T, omega)
-    return Recorded(inertial, dvl.time_ns + round(dvl.offset.seconds * 1e9), dvl.velocity_p_mps)
+    return Recorded(inertial, dvl.on_imu_ns, dvl.velocity_p_mps)
 
 
 QUARTER_SD_RAD = np.deg2rad(20.0)
@@ -157,6 +199,15 @@ def by_attitude(parts: Parts) -> Parts:
     return replace(parts, dvl=dvl, attitude=attitude)
 
 
+def noise_of_pings(dvl: DvlPart) -> PingNoise | None:
+    """Noise of a velocity by its changes alone, those of the vehicle left out; None for too few pings."""
+    try:
+        motion = vehicle_motion(dvl.time_ns, dvl.velocity_p_mps)
+    except DataError:
+        return None
+    return PingNoise(motion.white_sd_mps, 0.0, motion.pings)
+
+
 def by_motion(parts: Parts) -> Parts:
     """The streams with axes, clock and noise by comparing IMU, DVL, attitude and positions with one another."""
     interval_s = float(np.median(np.diff(parts.dvl.time_ns))) * 1e-9
@@ -166,10 +217,12 @@ def by_motion(parts: Parts) -> Parts:
     parts = _with_axes(parts, turned)
     imu, attitude = parts.imu, parts.attitude
     if attitude is not None:
-        again = guess_attitude(attitude.found, imu, parts.dvl)
-        attitude = again and replace(
-            again, declination_rad=attitude.declination_rad, declination_why=attitude.declination_why
-        )
+        again = guess_attitude(attitude.found, imu, clock_offset(attitude.found, imu, parts.dvl))
+        declination = {
+            "declination_rad": attitude.declination_rad,
+            "declination_why": attitude.declination_why,
+        }
+        attitude = None if again is None else replace(again, **declination)
     rates = turns(imu, attitude, interval_s, parts.latitude_rad)
     pings = ping_noise(recorded(imu, parts.dvl, rates.omega_p_radps))
     if rates.of_attitude and rates.gyros is not None and pings is not None:
@@ -360,7 +413,7 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
     """
     if attitude is None or positions is None or len(dvl.time_ns) < 2:
         return None
-    times = dvl.time_ns + round(dvl.offset.seconds * 1e9)
+    times = dvl.on_imu_ns
     own_ns, platform = attitude.platform()
     usual_s = float(np.median(np.diff(own_ns))) * 1e-9
     own = attitude_at(own_ns, platform, times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))

@@ -1,7 +1,7 @@
 """The sections of a first case, each as entries of what was read and compared; nothing is written or changed here."""
 
 from collections.abc import Iterator
-from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,15 @@ from bottomlock.io.beams import geometry_text
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.recordings.rotation import UNCHANGED_AXES
 from bottomlock.recordings.streams import Integers
+from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.entries import Beside, Entry, questions, remark
 from bottomlock.replay.init.errors import attitude_noise, imu_errors, vehicle_prior
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Offset, round_up
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.other_parts import AttitudePart
-from bottomlock.replay.init.parts import Parts
 from bottomlock.replay.init.positions import PositionPart
+from bottomlock.replay.init.rig import Parts
 from bottomlock.replay.init.sources import Sources
 from bottomlock.replay.init.start import start
 
@@ -139,9 +139,8 @@ def _imu(imu: ImuPart) -> Iterator[Entry]:
         if "interval" in found.extra:
             columns["interval"] = found.values("interval")[imu.rows, 0]
         # Another stream of the same table keeps the times of all rows.
-        found = copy(found)
-        found.times = copy(found.times)
-        found.times.time_ns = imu.time_ns if found.times.time_ns is not None else None
+        times = found.times
+        found = replace(found, times=replace(times, time_ns=None if times.time_ns is None else imu.time_ns))
     file, clock, names = table(found, "imu", columns)
     yield Entry("imu.file", file)
     if imu.even_hz is not None:

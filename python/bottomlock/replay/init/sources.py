@@ -5,7 +5,7 @@ the name of the frame has "ned" or "frd" in it. A stamp of 0 is none: then the b
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -143,9 +143,9 @@ def bag_tables(path: Path) -> list[AnyTable]:
     ]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Sources:
-    """Streams of the given files.
+    """Streams of some files.
 
     Attributes:
         recording: of the DVL, with its path; None where the DVL is a velocity in a table.
@@ -157,9 +157,9 @@ class Sources:
 
     recording: Recording | None = None
     log: Path | None = None
-    streams: list[Found] = field(default_factory=list)
-    parts: list[str] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
+    streams: tuple[Found, ...] = ()
+    parts: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
 
     def of(self, *kinds: str) -> list[Found]:
         """The streams of some kinds, in the order of the files."""
@@ -183,19 +183,7 @@ def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
     """
     if not files:
         raise DataError("no file is named: bottomlock replay --init FILE... looks at logs and tables")
-    found = Sources()
-    for path in files:
-        name = format_of(path)
-        if name == ros.NAME:
-            _bag(found, path, without)
-        elif name in {ardupilot.NAME, tlog.NAME}:
-            tables, words = autopilot_tables(path, name)
-            _parts(found, path, tables, without)
-            found.words += [f"{path.name}: {one}" for one in words]
-        elif name is not None and name != table.NAME:
-            _log(found, path, name)
-        else:
-            _table(found, path, read_any_table(path))
+    found = _joined([_file(path, without) for path in files])
     for one in without:
         if one not in found.parts:
             hint = did_you_mean(one, found.parts) or ","
@@ -206,51 +194,72 @@ def read_sources(files: Sequence[Path], without: Sequence[str] = ()) -> Sources:
     return found
 
 
-def _take(found: Sources, path: Path, recording: Recording) -> None:
-    if found.recording is not None:
-        raise DataError(f"is the second log of a DVL, after {found.log}", place=path, hint="name one of them")
-    found.recording, found.log = recording, path
+def _joined(parts: Sequence[Sources]) -> Sources:
+    """All of them as one; one at most may have a log of a DVL."""
+    logs = [one for one in parts if one.log is not None]
+    for second in logs[1:]:
+        raise DataError(
+            f"is the second log of a DVL, after {logs[0].log}", place=second.log, hint="name one of them"
+        )
+    return Sources(
+        logs[0].recording if logs else None, logs[0].log if logs else None,
+        *(tuple(one for part in parts for one in getattr(part, key)) for key in ("streams", "parts", "words")),
+    )  # fmt: skip
+
+
+def _file(path: Path, without: Sequence[str]) -> Sources:
+    name = format_of(path)
+    if name == ros.NAME:
+        return _bag(path, without)
+    if name in {ardupilot.NAME, tlog.NAME}:
+        tables, words = autopilot_tables(path, name)
+        said = Sources(words=tuple(f"{path.name}: {one}" for one in words))
+        return _joined([*_parts(tables, without), said])
+    if name is not None and name != table.NAME:
+        return _recorded(path, _log(path, name))
+    return _table(read_any_table(path))
+
+
+def _recorded(path: Path, recording: Recording) -> Sources:
     beams = recording.table.beams
     what = f"{recording.table.rows} pings of {beams} beams" if beams else f"{recording.table.rows} velocities"
-    found.words.append(f"{path.name}: {what} ({recording.format})")
+    return Sources(recording, path, words=(f"{path.name}: {what} ({recording.format})",))
 
 
-def _log(found: Sources, path: Path, name: str) -> None:
+def _log(path: Path, name: str) -> Recording:
     try:
-        recording = read_recording(path, format=name)
+        return read_recording(path, format=name)
     except DataError as first:
         try:
-            recording = read_recording(path, format=name, options=Options(instrument_only=True))
+            return read_recording(path, format=name, options=Options(instrument_only=True))
         except DataError:
             raise first from None
-    _take(found, path, recording)
 
 
-def _bag(found: Sources, path: Path, without: Sequence[str]) -> None:
+def _bag(path: Path, without: Sequence[str]) -> Sources:
     tables = bag_tables(path)
     try:
-        _take(found, path, read_recording(path, format=ros.NAME))
+        dvl = _recorded(path, read_recording(path, format=ros.NAME))
     except DataError as error:
         if not tables:
             raise
-        found.words.append(str(error))
-    _parts(found, path, tables, without)
+        dvl = Sources(words=(str(error),))
+    return _joined([dvl, *_parts(tables, without)])
 
 
-def _parts(found: Sources, path: Path, tables: Sequence[AnyTable], without: Sequence[str]) -> None:
-    """Takes the tables of a log of several, but those that are left out."""
-    found.parts += [one.part for one in tables]
-    for one in tables:
-        if one.part not in without:
-            _table(found, path, one)
+def _parts(tables: Sequence[AnyTable], without: Sequence[str]) -> list[Sources]:
+    """The tables of a log of several, but those that are left out."""
+    names = Sources(parts=tuple(one.part for one in tables))
+    return [names, *(_table(one) for one in tables if one.part not in without)]
 
 
-def _table(found: Sources, path: Path, one: AnyTable) -> None:
-    columns = beam_columns(one)
+def _table(one: AnyTable) -> Sources:
+    columns, path = beam_columns(one), one.path
+    words, beams = [], Sources()
     if columns is not None:
         recording = table.read_frame(columns.frame, columns.columns, str(path))
-        _take(found, path, replace(recording, notes=[*recording.notes, columns.why]))
-        found.words.append(f"{path.name}: {columns.why}")
+        beams = _recorded(path, replace(recording, notes=[*recording.notes, columns.why]))
+        words = [*beams.words, f"{path.name}: {columns.why}"]
     streams = [
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]
@@ -259,11 +268,7 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
         which = (
             f"{', '.join(known)} alone make no stream" if known else "none of its columns has a known name"
         )
-        raise DataError(
-            f"{which} ({column_names(one.frame)})",
-            place=path,
-            hint=NAMES,
-        )
+        raise DataError(f"{which} ({column_names(one.frame)})", place=path, hint=NAMES)
     if streams:
         rows = one.frame.height
         rate = ""
@@ -273,8 +278,8 @@ def _table(found: Sources, path: Path, one: AnyTable) -> None:
         kinds = ", ".join(stream.kind for stream in streams)
         where = f" {one.part}" if one.part else ""
         said = f"; {one.remark}" if one.remark else ""
-        found.words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
-    found.streams += streams
+        words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
+    return Sources(beams.recording, beams.log, tuple(streams), words=tuple(words))
 
 
 def autopilot_tables(path: Path, name: str) -> tuple[list[AnyTable], list[str]]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from bottomlock.replay.init.entries import Entry
-from bottomlock.replay.init.parts import Parts
+from bottomlock.replay.init.rig import Parts
 
 WINDOW_S, SHORT_WINDOW_S = 10.0, 2.0
 UNKNOWN_DEG = 180.0

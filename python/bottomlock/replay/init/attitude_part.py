@@ -1,23 +1,18 @@
-"""Attitude and depth of a first case; unit, frames and clock of an attitude by its own rate against the gyros."""
+"""The attitude of a first case: unit, frames and clock by its own rate against the gyros, or turns in their place."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
-from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Integers
-from bottomlock.replay.init.clocks import clock_offset
-from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import BAR, Guess, Offset, angle_unit, pressure_unit
+from bottomlock.replay.init.guess import Guess, Offset, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.init.waves import Waves, find_waves
 from bottomlock.support.rising import rising
 
-DEEPEST_WAVES_M = 60.0
-"""Deeper, even a swell of 15 s leaves less than a third of its height."""
 OFFSET_S = 0.1
 """Smaller clock offsets of an attitude are not set."""
 
@@ -113,13 +108,12 @@ def angles_of(found: Found) -> tuple[Floats, Guess]:
     return rpy, Guess("rad", "")
 
 
-def guess_attitude(found: Found, imu: ImuPart, dvl: DvlPart) -> AttitudePart | None:
-    """Unit, frames and clock of an attitude; None where it has no times."""
+def guess_attitude(found: Found, imu: ImuPart, offset: Offset) -> AttitudePart | None:
+    """Unit, frames and clock of an attitude, from an offset of its clock; None where it has no times."""
     times = found.times.time_ns
     if times is None:
         return None
     rpy, unit = angles_of(found)
-    offset = clock_offset(times, imu, dvl)
     match = match_attitude(times + round(offset.seconds * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
     if match is not None and match.clear:
         if not unit.known and match.slope < 0.1 and "q0" not in found.columns:
@@ -134,56 +128,32 @@ def guess_attitude(found: Found, imu: ImuPart, dvl: DvlPart) -> AttitudePart | N
     return AttitudePart(found, rpy, unit, match, offset)
 
 
-@dataclass(frozen=True, eq=False)
-class DepthPart:
-    """A depth or pressure as guessed; `depth_m` (n,) in metres, positive down."""
-
-    found: Found
-    unit: Guess
-    up: Guess | None
-    offset_m: Guess | None
-    sd_m: float
-    offset: Offset
-    depth_m: Floats
-    waves: Waves | None
+FEWEST = 50
+"""Attitudes that make a motion."""
 
 
-def guess_depth(found: Found, imu: ImuPart, dvl: DvlPart) -> DepthPart | None:
-    """Unit and sign of a depth; None where it has no times."""
-    times = found.times.time_ns
-    if times is None:
+def imu_of_attitude(attitudes: list[Found]) -> ImuPart | None:
+    """Turns of the attitude with the most rows, in place of an IMU for the guesses of other streams; None for too few.
+
+    The frames of the angles are taken to be north-east-down and forward-starboard-down: there are no gyros that tell.
+    """
+    if not attitudes:
         return None
-    values = found.values(*found.columns)[:, 0]
-    up = shift = None
-    if found.kind == "pressure":
-        unit = pressure_unit(values, found.units.get("pressure", ""))
-        metres = values * BAR[unit.value] * 1e5 / (1025.0 * 9.80665)
-        if np.nanmin(values) * BAR[unit.value] > 0.8:
-            shift = Guess(
-                "-10.08", "the pressure is absolute: that of the air, 1013 mbar, is 10.08 m of sea water"
-            )
-            metres = metres - 10.08
-    else:
-        hint = found.units.get("depth", "")
-        unit = Guess(
-            "cm" if hint == "cm" else "m",
-            "the column's name says so" if hint else "metres are usual",
-            known=bool(hint),
-        )
-        metres = values * (0.01 if unit.value == "cm" else 1.0)
-        if np.nanmedian(metres) < -0.3:
-            up = Guess("true", f"its median is {np.nanmedian(values):.3g}, below the surface: positive up")
-            metres = -metres
-    good = metres[np.isfinite(metres)]
-    second = good[2:] - 2.0 * good[1:-1] + good[:-2]
-    sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
-    offset = clock_offset(times, imu, dvl)
-    clock = times + round(offset.seconds * 1e9)
-    used = np.isfinite(metres) & rising(clock)
-    waves = None
-    if not imu.made and used.sum() > 1 and float(np.median(metres[used])) < DEEPEST_WAVES_M:
-        waves = find_waves(clock[used], metres[used], imu.time_ns, imu.force_p_mps2[:, 2])
-    return DepthPart(found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), offset, metres, waves)
+    found = max(attitudes, key=lambda one: one.table.frame.height)
+    times = found.times.time_ns
+    assert times is not None  # the caller's choice
+    rpy, _ = angles_of(found)
+    rows = np.flatnonzero(np.isfinite(rpy).all(axis=1) & rising(times))
+    if len(rows) < FEWEST:
+        return None
+    time_ns, attitude = times[rows], from_angles(*rpy[rows].T)
+    still = np.zeros((len(rows), 3))
+    readings = inertial_readings(time_ns, attitude, still, latitude_rad=0.0)
+    return ImuPart(
+        found=found, time_ns=time_ns, rows=rows, force_s_mps2=still, omega_s_radps=readings.omega_p_radps,
+        force=Guess("m/s2", ""), omega=Guess("rad/s", ""), increments=False, axes=np.eye(3), axes_why="",
+        axes_known=True, rate_hz=1e9 / float(np.median(np.diff(time_ns))), made=True,
+    )  # fmt: skip
 
 
 LAGS_S = 3.0

@@ -1,4 +1,4 @@
-"""Waves above a depth sensor: what its pressure sees move and the accelerometers do not."""
+"""The depth of a first case, and waves above its sensor: its pressure sees them move, the accelerometers do not."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,15 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import detrend
 
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import BAR, Guess, Offset, pressure_unit
+from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.support.rising import rising
 
+DEEPEST_WAVES_M = 60.0
+"""Deeper, even a swell of 15 s leaves less than a third of its height."""
 LEAST_HZ, MOST_HZ, WINDOW_S = 0.9, 2.0, 128.0
 """Rates of readings that show waves, and are looked at; length of the spectra."""
 LONGEST_S, SHORTEST_S = 20.0, 3.0
@@ -66,3 +73,54 @@ def find_waves(
     if float(waves[np.abs(frequency - middle) < NARROW * middle].sum()) < MOST * total:
         return None
     return Waves(float(np.sqrt(total)), 1.0 / middle)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthPart:
+    """A depth or pressure as guessed; `depth_m` (n,) in metres, positive down."""
+
+    found: Found
+    unit: Guess
+    up: Guess | None
+    offset_m: Guess | None
+    sd_m: float
+    offset: Offset
+    depth_m: Floats
+    waves: Waves | None
+
+
+def guess_depth(found: Found, imu: ImuPart, offset: Offset) -> DepthPart | None:
+    """Unit and sign of a depth on a clock; None where it has no times."""
+    times = found.times.time_ns
+    if times is None:
+        return None
+    values = found.values(*found.columns)[:, 0]
+    up = shift = None
+    if found.kind == "pressure":
+        unit = pressure_unit(values, found.units.get("pressure", ""))
+        metres = values * BAR[unit.value] * 1e5 / (1025.0 * 9.80665)
+        if np.nanmin(values) * BAR[unit.value] > 0.8:
+            shift = Guess(
+                "-10.08", "the pressure is absolute: that of the air, 1013 mbar, is 10.08 m of sea water"
+            )
+            metres = metres - 10.08
+    else:
+        hint = found.units.get("depth", "")
+        unit = Guess(
+            "cm" if hint == "cm" else "m",
+            "the column's name says so" if hint else "metres are usual",
+            known=bool(hint),
+        )
+        metres = values * (0.01 if unit.value == "cm" else 1.0)
+        if np.nanmedian(metres) < -0.3:
+            up = Guess("true", f"its median is {np.nanmedian(values):.3g}, below the surface: positive up")
+            metres = -metres
+    good = metres[np.isfinite(metres)]
+    second = good[2:] - 2.0 * good[1:-1] + good[:-2]
+    sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
+    clock = times + round(offset.seconds * 1e9)
+    used = np.isfinite(metres) & rising(clock)
+    waves = None
+    if not imu.made and used.sum() > 1 and float(np.median(metres[used])) < DEEPEST_WAVES_M:
+        waves = find_waves(clock[used], metres[used], imu.time_ns, imu.force_p_mps2[:, 2])
+    return DepthPart(found, unit, up, shift, max(0.02, round(2.0 * sd, 3)), offset, metres, waves)
