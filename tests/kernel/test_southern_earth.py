@@ -16,7 +16,7 @@ from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.plant.truth import inertial_measurements
 from bottomlock.recordings.attitude_motion import inertial_readings
-from bottomlock.replay.init.rig import turns
+from bottomlock.replay.init.against_imu import turns
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings
 from tests.oracle import beams, truth
 from tests.property import settings

@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -65,6 +66,7 @@ class DvlPart:
         mounting_deg, mounting_why: roll, pitch and yaw of the instrument on the vehicle; the velocity is turned by them
             already.
         match: of its velocity with the IMU's readings.
+        log: path of the recording.
         further: what else the case says of it.
     """
 
@@ -87,6 +89,7 @@ class DvlPart:
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mounting_why: str = ""
     match: Match | None = None
+    log: Path | None = None
     further: tuple[Entry, ...] = ()
 
     @property
@@ -110,8 +113,8 @@ class DvlPart:
         return replace(self, further=(*self.further, Entry(f"dvl.{key}", why=why, known=False, asks=asks)))
 
 
-def dvl_of_recording(recording: Recording) -> DvlPart:
-    """A DVL with beams.
+def dvl_of_recording(recording: Recording, log: Path | None) -> DvlPart:
+    """A DVL with beams, of a log.
 
     Raises:
         DataError: for a log whose beams never give a velocity.
@@ -126,7 +129,7 @@ def dvl_of_recording(recording: Recording) -> DvlPart:
     part = DvlPart(
         recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
         geometry_text=text, geometry_why=why, geometry_known=known, claimed=(geometry, claimed),
-        noise=_noise(geometry, claimed, table) if order is None else None,
+        noise=_noise(geometry, claimed, table) if order is None else None, log=log,
     )  # fmt: skip
     if order is None:
         return part

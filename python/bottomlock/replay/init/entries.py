@@ -10,6 +10,8 @@ from bottomlock.config.toml_value import toml_value
 from bottomlock.files.overwriting import check_free
 
 WIDTH = 118
+FILES = "files"
+"""Key of the remarks that say what the files hold."""
 MARKS = {True: "guessed: ", False: "assumed: ", None: ""}
 """Beginnings of a reason: of what the files decide, of what they do not, and of a plain remark."""
 QUESTIONS = {

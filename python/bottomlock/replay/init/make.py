@@ -13,16 +13,16 @@ from bottomlock.files.overwriting import check_free
 from bottomlock.io.columns import column_names
 from bottomlock.plant.surroundings import world_magnetic_model
 from bottomlock.replay.case import parse_case
+from bottomlock.replay.init.against_imu import clock_offset, dvl_offset, unit_by_attitude
 from bottomlock.replay.init.attitude_part import AttitudePart, guess_attitude, imu_of_attitude
-from bottomlock.replay.init.clocks import clock_offset, dvl_offset
 from bottomlock.replay.init.depth_part import guess_depth
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart, dvl_of_recording, dvl_of_velocity
-from bottomlock.replay.init.entries import Entry, placed, questions, toml_of
+from bottomlock.replay.init.entries import FILES, Entry, placed, questions, toml_of
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.imu_part import ImuPart, guess_imu
 from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
-from bottomlock.replay.init.rig import Parts, by_attitude, by_motion, unit_by_attitude
-from bottomlock.replay.init.sections import draft
+from bottomlock.replay.init.rig import Parts, by_attitude, by_motion
+from bottomlock.replay.init.sections import entries_of
 from bottomlock.replay.init.sources import Sources, read_sources
 
 
@@ -32,14 +32,17 @@ class Made:
 
     Attributes:
         case, written: its path, and the tables written beside it.
-        words: what the files hold.
         entries: of the case.
     """
 
     case: Path
     written: list[Path]
-    words: list[str]
     entries: list[Entry]
+
+    @property
+    def words(self) -> list[str]:
+        """What the files hold."""
+        return [one.why for one in self.entries if one.key == FILES]
 
     @property
     def guesses(self) -> int:
@@ -66,14 +69,28 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without:
         OutputError: where a file exists already or cannot be written.
     """
     check_free(out, inputs=files, force=force)
-    sources = read_sources(files, without)
-    entries, beside = placed(draft(choose(sources), sources, out.stem), out, files, force=force)
+    entries, beside = placed(draft(files, without, out.stem), out, files, force=force)
     text = toml_of(entries)
     for path, file in beside.items():
         file.write(path)
     parse_case(text, place=str(out), folder=out.parent)
     write_text(out, text)
-    return Made(out, list(beside), sources.words, entries)
+    return Made(out, list(beside), entries)
+
+
+def draft(files: Sequence[Path], without: Sequence[str] = (), name: str = "case") -> list[Entry]:
+    """The entries of a first case: every key with its value, why, and whether the files decide it.
+
+    Args:
+        files: logs of a DVL, tables, bags and logs of autopilots.
+        without: topics and messages of logs that are left out.
+        name: of the case.
+
+    Raises:
+        DataError: for files without an IMU and an attitude, or without a DVL, or one that cannot be read.
+    """
+    sources = read_sources(files, without)
+    return entries_of(choose(sources), sources.words, name)
 
 
 def choose(sources: Sources) -> Parts:
@@ -137,7 +154,7 @@ def _dvl(sources: Sources) -> DvlPart:
     if recording is None:
         dvl = dvl_of_velocity(min(velocities, key=lambda one: "dvl" not in one.table.label))
     elif recording.table.beams:
-        dvl = dvl_of_recording(recording)
+        dvl = dvl_of_recording(recording, sources.log)
     else:
         raise DataError(
             "holds velocities without beams",
@@ -166,15 +183,18 @@ LEAST_RISING = 0.1
 
 def _check_pings(dvl: DvlPart, sources: Sources) -> None:
     """Raises DataError where hardly a ping has a time after the ping before it."""
-    found = dvl.found
-    if found is None:
-        assert dvl.recording is not None  # one of them
+    if dvl.recording is not None:
         pings = rows = len(dvl.recording.table.time_ns)
         place = str(sources.log)
     else:
-        times = found.times.time_ns
+        assert dvl.found is not None  # one of them
+        times = dvl.found.times.time_ns
         assert times is not None  # refused without
-        pings, rows, place = len(np.unique(np.maximum.accumulate(times))), len(times), str(found.table.path)
+        pings, rows, place = (
+            len(np.unique(np.maximum.accumulate(times))),
+            len(times),
+            str(dvl.found.table.path),
+        )
     if pings < max(LEAST_RISING * rows, 2):
         raise DataError(
             f"has a time that rises in {pings} of {rows} pings", place=place,

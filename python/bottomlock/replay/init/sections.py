@@ -1,6 +1,6 @@
 """The sections of a first case, each as entries of what was read and compared; nothing is written or changed here."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,13 @@ from bottomlock.recordings.rotation import UNCHANGED_AXES
 from bottomlock.recordings.streams import Integers
 from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import DvlPart
-from bottomlock.replay.init.entries import Beside, Entry, questions, remark
+from bottomlock.replay.init.entries import FILES, Beside, Entry, questions, remark
 from bottomlock.replay.init.errors import attitude_noise, imu_errors, vehicle_prior
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Offset, round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.rig import Parts
-from bottomlock.replay.init.sources import Sources
 from bottomlock.replay.init.start import start
 
 HEAD = (
@@ -36,22 +35,22 @@ LONG_TERM_PERCENT, LONG_TERM_MPS = 0.5, 0.002
 RPY = ("roll", "pitch", "yaw")
 
 
-def draft(parts: Parts, sources: Sources, name: str) -> list[Entry]:
-    """The entries of a case."""
+def entries_of(parts: Parts, words: Sequence[str], name: str) -> list[Entry]:
+    """The entries of a case, of its streams and what its files hold."""
     entries = [
         *_origin(parts), *(_made_imu(parts.imu) if parts.imu.made else [*_imu(parts.imu), *imu_errors(parts)]),
-        *_dvl(parts.dvl, sources), *_dvl_errors(), *_depth(parts), *_attitude(parts), *_gps(parts), *_reference(parts),
-        *_water(parts.dvl, sources), *start(parts), *vehicle_prior(parts), *_methods(),
+        *_dvl(parts.dvl), *_dvl_errors(), *_depth(parts), *_attitude(parts), *_gps(parts), *_reference(parts),
+        *_water(parts.dvl), *start(parts), *vehicle_prior(parts), *_methods(),
     ]  # fmt: skip
-    return [*_head(parts, sources, name, entries), *entries]
+    return [*_head(parts, words, name, entries), *entries]
 
 
-def _head(parts: Parts, sources: Sources, name: str, entries: list[Entry]) -> Iterator[Entry]:
+def _head(parts: Parts, held: Sequence[str], name: str, entries: list[Entry]) -> Iterator[Entry]:
     """What the files hold, and what they leave open."""
     for words in (*HEAD, *(f"? {one}" for one in questions(entries))):
         yield remark("", words)
-    for words in sources.words:
-        yield remark("", f"  {words}")
+    for words in held:
+        yield Entry(FILES, why=words, known=None)
     for one in parts.unused:
         of = f"{one.table.part} of " if one.table.part else ""
         yield remark(
@@ -191,12 +190,10 @@ def _gaps(imu: ImuPart) -> Iterator[Entry]:
             yield Entry("imu.limits", {"gap": "inflate"}, why)
 
 
-def _dvl(dvl: DvlPart, sources: Sources) -> Iterator[Entry]:
+def _dvl(dvl: DvlPart) -> Iterator[Entry]:
     if dvl.recording is not None:
-        assert sources.log is not None  # set with the recording
-        yield Entry(
-            "dvl.file", _beams(dvl.recording, sources.log), f"converted from {sources.log.name}", None
-        )
+        assert dvl.log is not None  # set with the recording
+        yield Entry("dvl.file", _beams(dvl.recording, dvl.log), f"converted from {dvl.log.name}", None)
         yield _clock("dvl", {"column": "time_ns", "unit": "ns"}, dvl.offset)
     else:
         assert dvl.found is not None  # one of the two
@@ -375,11 +372,11 @@ def _position(found: PositionPart, section: str) -> tuple[list[Entry], dict[str,
     return entries, names
 
 
-def _water(dvl: DvlPart, sources: Sources) -> Iterator[Entry]:
+def _water(dvl: DvlPart) -> Iterator[Entry]:
     """`[water_track]` with the water table beside the beams of the case, or beside the log that they are from."""
-    if dvl.recording is None or sources.log is None:
+    if dvl.recording is None or dvl.log is None:
         return
-    given = water_file(sources.log)
+    given = water_file(dvl.log)
     if dvl.recording.water is None and not given.is_file():
         return
     yield remark(

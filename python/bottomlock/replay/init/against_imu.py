@@ -1,0 +1,171 @@
+"""A stream of a first case against the IMU: what brings its clock to the IMU's, and whose turns are the better ones."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.rig_search import search_offset
+from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.replay.init.attitude_part import AttitudePart
+from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
+from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import Guess, Offset
+from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
+from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, turns_of
+
+ENOUGH, ALMOST = 0.3, 0.6
+"""Streams that overlap by the first fraction of the shorter one are taken to share a clock; by the second, where one is
+moved by a time zone."""
+LEAST_S = 60.0
+"""Least overlap of two recordings that the motion brings together."""
+Span = tuple[int, int]
+
+
+def clock_offset(found: Found, imu: ImuPart, dvl: DvlPart) -> Offset:
+    """The offset of a stream's clock: that of the IMU, of the DVL, another time zone, or unknown."""
+    assert found.times.time_ns is not None  # chosen so
+    ours, theirs = _span(imu.time_ns), _span(found.times.time_ns)
+    if _overlap(ours, theirs) > ENOUGH:
+        return Offset()
+    if dvl.offset.seconds and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:
+        return Offset(dvl.offset.seconds, "it shares the DVL's clock", known=dvl.offset.known)
+    return _by_time_zone(ours, theirs) or Offset(
+        (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin "
+        "together",
+        known=False,
+    )  # fmt: skip
+
+
+def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Offset:
+    """The offset of a DVL's clock to the IMU's: none where they run together, another time zone, or by the motion."""
+    ours, theirs = _span(imu.time_ns), (dvl.first_ns, dvl.last_ns)
+    if _overlap(ours, theirs) > ENOUGH:
+        return Offset()
+    zone = _by_time_zone(ours, theirs)
+    if zone is not None:
+        return zone
+    starts_s = (ours[0] - theirs[0]) * 1e-9
+    imu_s, dvl_s = ((last - first) * 1e-9 for first, last in (ours, theirs))
+    least_s = min(LEAST_S, 0.5 * min(imu_s, dvl_s))
+    if len(dvl.time_ns) > ENOUGH_PINGS:
+        inertial = Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps)
+        begun = Recorded(inertial, dvl.time_ns + round(starts_s * 1e9), dvl.velocity_p_mps)
+        found = search_offset(begun, least_s - dvl_s, imu_s - least_s)
+        if found is not None and found.clear:
+            return Offset(
+                starts_s + found.offset_s,
+                f"the DVL's velocity follows the IMU's best there, {found.gain:.1f} times better than at other offsets "
+                f"(next best {found.second:.1f})",
+            )
+    return Offset(
+        starts_s,
+        "the clocks have nothing in common, and the motion does not tell the offset: both files are taken to begin "
+        "together",
+        known=False,
+    )
+
+
+def _span(time_ns: Integers) -> Span:
+    return int(time_ns[0]), int(time_ns[-1])
+
+
+def _overlap(a: Span, b: Span) -> float:
+    """Part of the shorter one that both have."""
+    shorter = max(min(a[1] - a[0], b[1] - b[0]), 1)
+    return (min(a[1], b[1]) - max(a[0], b[0])) / shorter
+
+
+def _by_time_zone(ours: Span, theirs: Span) -> Offset | None:
+    """The first half hours by which another clock overlaps; None for none."""
+    for hours in np.arange(-14.0, 14.5, 0.5).tolist():
+        shift = round(hours * 3600e9)
+        if hours and _overlap(ours, (theirs[0] + shift, theirs[1] + shift)) > ALMOST:
+            return Offset(
+                shift * 1e-9, f"the files overlap when its clock is moved by {hours:g} h, a time zone"
+            )
+    return None
+
+
+EARTH_RADPS = 7.292115e-5
+SURE = 0.7
+"""Correlation of one-second turns from which their slope tells the unit of the gyros."""
+NEAR = 2.0
+"""A unit is told by a slope within this factor."""
+POOR_RAD_RTS = 5e-4
+"""Noise of gyros (1.7 deg/√h) from which the attitude's own turns are the better ones over seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """Rates of turn of the vehicle as known best.
+
+    Attributes:
+        gyros: the gyros against the attitude; None without one.
+        omega_p_radps: (n, 3) at the IMU's times.
+        of_attitude: whether they are those of the attitude, as the gyros are poor.
+    """
+
+    gyros: GyroMatch | None
+    omega_p_radps: Floats
+    of_attitude: bool = False
+
+
+def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | None:
+    """Unit of the gyros by the slope of their turns over those of a recorded attitude; None where it does not tell."""
+    if attitude is None or imu.increments or attitude.match is None or not attitude.match.clear:
+        return None
+    own = OMEGA_SI[imu.omega.value]
+    both = turns_of(imu.time_ns, imu.omega_p_radps, *attitude.platform())
+    slope, correlation = (0.0, 0.0) if both is None else both.slope()
+    if correlation < SURE or not slope > 0.0:
+        return None
+    slopes = {unit: slope * factor / own for unit, factor in OMEGA_SI.items()}
+    best = min(slopes, key=lambda unit: abs(np.log(slopes[unit])))
+    if not 1.0 / NEAR < slopes[best] < NEAR:
+        return None
+    other = "deg/s" if best == "rad/s" else "rad/s"
+    return Guess(
+        best,
+        f"in a second the gyros turn {slopes[best]:.2f} times as far as the recorded attitude ({slopes[other]:.2g} in "
+        f"{other}), correlation {correlation:.2f}",
+    )
+
+
+def turns(
+    imu: ImuPart, attitude: AttitudePart | None, interval_s: float, latitude_rad: float = float("nan")
+) -> Rates:
+    """Rates of turn: of the gyros less their offset, or of the attitude where the gyros are poor.
+
+    Args:
+        imu, attitude: as guessed.
+        interval_s: between pings.
+        latitude_rad: for the Earth's rate, which is in the gyros; NaN where it is not known.
+    """
+    plain = Rates(None, imu.omega_p_radps)
+    if attitude is None or attitude.match is None or not attitude.match.clear:
+        return plain
+    times, platform = attitude.platform()
+    omega = imu.omega_p_radps
+    if np.isfinite(latitude_rad) and len(times):
+        earth = EARTH_RADPS * np.array([np.cos(latitude_rad), 0.0, -np.sin(latitude_rad)])
+        nearest = np.clip(np.searchsorted(times, imu.time_ns), 0, len(times) - 1)
+        omega = omega - platform.inv().apply(earth)[nearest]
+    gyros = match_gyros(imu.time_ns, omega, times, platform, interval_s)
+    if gyros is None:
+        return plain
+    if gyros.noise_rad_rts > POOR_RAD_RTS:
+        found = attitude_at(times, platform, imu.time_ns)
+        if found is not None:
+            rates = _rates(imu, found[0])
+            known = found[1] & np.isfinite(rates).all(axis=1)
+            omega = np.where(known[:, None], rates, imu.omega_p_radps - gyros.offset_radps)
+            return Rates(gyros, omega, of_attitude=True)
+    return Rates(gyros, imu.omega_p_radps - gyros.offset_radps)
+
+
+def _rates(imu: ImuPart, attitude: Rotation) -> Floats:
+    """(n, 3) rates whose trapezoidal integral is the attitude's, to second order."""
+    turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / (np.diff(imu.time_ns) * 1e-9)[:, None]
+    return np.vstack([turned[:1], 0.5 * (turned[1:] + turned[:-1]), turned[-1:]])
