@@ -13,6 +13,8 @@ from bottomlock.replay.init.guess import Guess, Offset, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.support.rising import rising
 
+NEAR = (0.5, 2.0)
+"""Slopes of the rates over the gyros' from which the unit is right."""
 OFFSET_S = 0.1
 """Smaller clock offsets of an attitude are not set."""
 
@@ -122,6 +124,10 @@ def guess_attitude(found: Found, imu: ImuPart, offset: Offset) -> AttitudePart |
                 "deg", f"in radians its rates would be {times_as_large:.0f} times those of the gyros"
             )
             rpy = np.deg2rad(rpy)
+        elif not unit.known and NEAR[0] < match.slope < NEAR[1]:
+            unit = Guess(
+                unit.value, f"{unit.why}, and its rates are {match.slope:.2f} times those of the gyros"
+            )
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
             why = f"its turn rates fit the gyros' best when moved by {match.offset_s:+.2f} s"
             offset = Offset(offset.seconds + match.offset_s, why)

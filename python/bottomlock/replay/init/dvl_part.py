@@ -40,6 +40,8 @@ THREE_BEAMS = "sontek_argonaut"
 THREE_BEAMS_WHY = (
     "three beams; nothing says their tilt and which looks forward: see `bottomlock list geometries`"
 )
+NEAR_SCALE, CERTAIN_SCALE = 0.3, 0.1
+"""Scale of a velocity, and its 1 sigma, that no other unit has: feet, the nearest, are 0.3 of metres."""
 NOISY = 1.25
 """Measured over claimed noise from which that of the recording is used."""
 ENOUGH_PINGS = 20
@@ -59,7 +61,7 @@ class DvlPart:
         geometry_text: of that file.
         geometry_why, geometry_known: its reason, and whether the log decides it.
         noise: of a beam, m/s, and why; None where it is what the geometry claims.
-        unit, unit_why: of a velocity.
+        unit, unit_why, unit_known: of a velocity.
         offset: to the IMU's clock.
         claimed: geometry, and noise of each beam that it claims.
         axes: of a velocity, those that point forward, starboard, down; it is in these already.
@@ -83,6 +85,7 @@ class DvlPart:
     noise: tuple[float, str] | None = None
     unit: str = "m/s"
     unit_why: str = ""
+    unit_known: bool = False
     offset: Offset = field(default_factory=Offset)
     claimed: tuple[BeamGeometry, Floats] | None = None
     axes: Axes = UNCHANGED_AXES
@@ -91,6 +94,14 @@ class DvlPart:
     match: Match | None = None
     log: Path | None = None
     further: tuple[Entry, ...] = ()
+
+    def matched(self, match: Match) -> Self:
+        """The same with its fit, which decides the unit where it finds a scale that none of the others has."""
+        scale, sd = float(match.part("scale")[0]), float(match.part_sd("scale")[0])
+        if self.unit_known or not match.plausible or abs(scale) > NEAR_SCALE or sd > CERTAIN_SCALE:
+            return replace(self, match=match)
+        why = f"{self.unit_why}; it is {1.0 + scale:.2f} ± {sd:.1g} of what the accelerometers integrate to"
+        return replace(self, match=match, unit_why=why, unit_known=True)
 
     @property
     def on_imu_ns(self) -> Integers:
@@ -278,5 +289,6 @@ def dvl_of_velocity(found: Found) -> DvlPart:
         name, because = THREE_BEAMS, f"the ranges {', '.join(ranges)} are those of {THREE_BEAMS_WHY}"
     return DvlPart(
         None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry=name,
-        geometry_why=because, geometry_known=False, unit=unit, unit_why=why, claimed=_claimed(name, ""),
+        geometry_why=because, geometry_known=False, unit=unit, unit_why=why, unit_known=hint in SPEED_SI,
+        claimed=_claimed(name, ""),
     )  # fmt: skip

@@ -79,7 +79,7 @@ class Entry:
     def text(self) -> str:
         """Lines of TOML; a reason that is too long to stand beside the setting goes above it."""
         beside = f"{self.setting}  # {self.words}" if self.words else self.setting
-        if self.setting and len(beside) <= WIDTH:
+        if self.setting and (not self.words or len(beside) <= WIDTH):
             return beside
         return "\n".join([*_wrapped(self.words), *([self.setting] if self.setting else [])])
 

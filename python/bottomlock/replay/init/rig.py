@@ -288,7 +288,8 @@ def _by_track(track: TrackFit) -> str:
 def _mounted(dvl: DvlPart, track: TrackFit) -> DvlPart:
     """The DVL turned by the yaw of its track, where that is beyond doubt."""
     sure = abs(track.angle_rad) > max(SIGMAS * track.sd_rad, LEAST_YAW_RAD)
-    return dvl.turned(_yaw(track.angle_rad)) if sure else dvl
+    why = "by the positions, which judge the heading no longer by themselves: it may be that of the heading"
+    return dvl.turned(_yaw(track.angle_rad)).saying("mounting_yaw_deg", why, "instrument") if sure else dvl
 
 
 CLEAR = 9.0
@@ -345,9 +346,9 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
 
 def _matched(dvl: DvlPart, match: Match | None) -> DvlPart:
     """The DVL with its fit, and with a clock offset that the motion shows beyond doubt."""
-    dvl = replace(dvl, match=match)
     if match is None:
         return dvl.saying("clock", "as recorded: too few pings overlap the IMU's readings to compare them")
+    dvl = dvl.matched(match)
     if not match.plausible:
         return dvl.saying("clock", "as recorded, and axes too: the velocity does not follow the IMU")
     clock, sd = float(match.part("clock")[0]), float(match.part_sd("clock")[0])

@@ -205,14 +205,13 @@ def _dvl(dvl: DvlPart) -> Iterator[Entry]:
         yield Entry("dvl.velocity", [names[f"v{k}"] for k in range(3)])
         if dvl.axes != UNCHANGED_AXES:
             yield Entry("dvl.axes", dvl.axes, "the velocity follows the IMU in left-handed axes alone")
-        yield Entry("dvl.velocity_unit", dvl.unit, dvl.unit_why)
+        yield Entry("dvl.velocity_unit", dvl.unit, dvl.unit_why, known=dvl.unit_known, asks="instrument")
         if "valid" in names:
             yield Entry("dvl.valid", names["valid"])
     yield Entry("dvl.geometry", _geometry(dvl), dvl.geometry_why, known=dvl.geometry_known, asks="instrument")
     if dvl.mounting_why:
         angles = ", ".join(f"{angle:g}" for angle in dvl.mounting_deg)
-        judged = "; positions that told it judge the heading no longer by themselves" * any(dvl.mounting_deg)
-        yield remark("dvl", f"mounting (roll, pitch, yaw) is {angles} deg: {dvl.mounting_why}{judged}")
+        yield remark("dvl", f"mounting (roll, pitch, yaw) is {angles} deg: {dvl.mounting_why}")
     if dvl.noise is not None:
         yield Entry("dvl.beam_noise_mps", *dvl.noise)
     yield from dvl.further
