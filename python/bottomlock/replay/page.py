@@ -118,7 +118,7 @@ def _about(manifest: Mapping[str, Any]) -> str:
 
 def _trust(answer: Mapping[str, Any]) -> Part:
     """What decides whether it can be trusted, and the track to take."""
-    keys = answer["assumed"]
+    keys = answer.get("assumed", ())
     take = "Until it is changed, take" if answer["verdict"] == "no" else "Take the track of"
     rows = [
         (take, f"`{answer['method']}`" if answer["method"] else "none of these tracks"),
