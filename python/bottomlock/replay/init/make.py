@@ -25,6 +25,8 @@ from bottomlock.replay.init.rig import Parts, by_attitude, by_motion
 from bottomlock.replay.init.sections import entries_of
 from bottomlock.replay.init.sources import Sources, read_sources
 
+CASE = Path("case.toml")
+
 
 @dataclass(frozen=True, eq=False)
 class Made:
@@ -69,7 +71,7 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without:
         OutputError: where a file exists already or cannot be written.
     """
     check_free(out, inputs=files, force=force)
-    entries, beside = placed(draft(files, without, out.stem), out, files, force=force)
+    entries, beside = placed(draft(files, without, out), out, files, force=force)
     text = toml_of(entries)
     for path, file in beside.items():
         file.write(path)
@@ -78,19 +80,19 @@ def make_case(files: Sequence[Path], out: Path, *, force: bool = False, without:
     return Made(out, list(beside), entries)
 
 
-def draft(files: Sequence[Path], without: Sequence[str] = (), name: str = "case") -> list[Entry]:
+def draft(files: Sequence[Path], without: Sequence[str] = (), case: Path = CASE) -> list[Entry]:
     """The entries of a first case: every key with its value, why, and whether the files decide it.
 
     Args:
         files: logs of a DVL, tables, bags and logs of autopilots.
         without: topics and messages of logs that are left out.
-        name: of the case.
+        case: where it is to stand, which names it.
 
     Raises:
         DataError: for files without an IMU and an attitude, or without a DVL, or one that cannot be read.
     """
     sources = read_sources(files, without)
-    return entries_of(choose(sources), sources.words, name)
+    return entries_of(choose(sources), sources.words, case)
 
 
 def choose(sources: Sources) -> Parts:

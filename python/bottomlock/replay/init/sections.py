@@ -35,14 +35,14 @@ LONG_TERM_PERCENT, LONG_TERM_MPS = 0.5, 0.002
 RPY = ("roll", "pitch", "yaw")
 
 
-def entries_of(parts: Parts, words: Sequence[str], name: str) -> list[Entry]:
+def entries_of(parts: Parts, words: Sequence[str], case: Path) -> list[Entry]:
     """The entries of a case, of its streams and what its files hold."""
     entries = [
         *_origin(parts), *(_made_imu(parts.imu) if parts.imu.made else [*_imu(parts.imu), *imu_errors(parts)]),
         *_dvl(parts.dvl), *_dvl_errors(), *_depth(parts), *_attitude(parts), *_gps(parts), *_reference(parts),
-        *_water(parts.dvl), *start(parts), *vehicle_prior(parts), *_methods(),
+        *_water(parts.dvl, case), *start(parts), *vehicle_prior(parts), *_methods(),
     ]  # fmt: skip
-    return [*_head(parts, words, name, entries), *entries]
+    return [*_head(parts, words, case.stem, entries), *entries]
 
 
 def _head(parts: Parts, held: Sequence[str], name: str, entries: list[Entry]) -> Iterator[Entry]:
@@ -371,17 +371,19 @@ def _position(found: PositionPart, section: str) -> tuple[list[Entry], dict[str,
     return entries, names
 
 
-def _water(dvl: DvlPart) -> Iterator[Entry]:
+def _water(dvl: DvlPart, case: Path) -> Iterator[Entry]:
     """`[water_track]` with the water table beside the beams of the case, or beside the log that they are from."""
     if dvl.recording is None or dvl.log is None:
         return
-    given = water_file(dvl.log)
-    if dvl.recording.water is None and not given.is_file():
+    own, given = water_file(_beams(dvl.recording, dvl.log).path(case)), water_file(dvl.log)
+    is_own = dvl.recording.water is not None or own.is_file()
+    if not is_own and not given.is_file():
         return
+    file = own if is_own else given
     yield remark(
-        "water_track", "beams that the water returned are recorded: the current is a state of the filter"
+        "water_track", f"{file.name} has beams that the water returned: the current is a state of the filter"
     )
-    if dvl.recording.water is None:
+    if not is_own:
         yield Entry("water_track.file", given)
     why = (
         "the nearest cell is outside of the vehicle's wake; [2, 3] leaves it out (docs/howto/water_track.md)"
