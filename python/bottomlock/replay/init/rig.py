@@ -135,11 +135,11 @@ def by_motion(parts: Parts) -> Parts:
     imu, attitude = parts.imu, parts.attitude
     if attitude is not None:
         again = guess_attitude(attitude.found, imu, clock_offset(attitude.found, imu, parts.dvl))
-        declination = {
-            "declination_rad": attitude.declination_rad,
-            "declination_why": attitude.declination_why,
-        }
-        attitude = None if again is None else replace(again, **declination)
+        if again is not None:
+            again = replace(
+                again, declination_rad=attitude.declination_rad, declination_why=attitude.declination_why
+            )
+        attitude = again
     rates = turns(imu, attitude, interval_s, parts.latitude_rad)
     pings = ping_noise(recorded(imu, parts.dvl, rates.omega_p_radps))
     if rates.of_attitude and rates.gyros is not None and pings is not None:
