@@ -198,4 +198,94 @@ mod tests {
             (1.0, 9.0)
         );
     }
+
+    /// Every model by hand: its states with their correlation times, and nothing of an axis without slip.
+    #[test]
+    fn models_name_their_processes() {
+        use crate::aiding::attitude::MagnetometerModel;
+        use crate::aiding::calibration::CalibrationPrior;
+        use crate::aiding::depth::DepthModel;
+        use crate::aiding::heading::HeadingModel;
+        use crate::aiding::motion_prior::MotionPrior;
+        use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
+        use crate::aiding::thrust::ThrustModel;
+        let (lasting, constant) = (Process::lasting, Process::constant);
+        let depth = DepthModel {
+            bias_sd_m: 0.3,
+            bias_time_s: TimeConstant(100.0),
+            wave_sd_m: SlowSd(0.5),
+            wave_period_s: WavePeriod(7.0),
+            ..DepthModel::default()
+        };
+        let expected = [
+            (block::DEPTH_BIAS, vec![lasting(0.3, 100.0)]),
+            (block::DEPTH_WAVE, vec![lasting(0.5, 7.0); 2]),
+        ];
+        assert_eq!(depth.processes(), expected);
+        let attitude = MagnetometerModel {
+            yaw_offset_sd_rad: SlowSd(0.1),
+            roll_pitch_offset_sd_rad: SlowSd(0.2),
+            yaw_walk_sd_rad: SlowSd(0.3),
+            roll_pitch_walk_sd_rad: SlowSd(0.4),
+            walk_time_s: WalkTime(50.0),
+            yaw_semicircular_sd_rad: SlowSd(0.5),
+            yaw_quadrantal_sd_rad: SlowSd(0.6),
+            ..MagnetometerModel::default()
+        };
+        let walk = |sd| lasting(sd, 50.0);
+        let errors = [0.2, 0.2, 0.1].map(constant).into_iter();
+        let expected = [
+            (block::ATTITUDE_ERROR, errors.chain([0.4, 0.4, 0.3].map(walk)).collect()),
+            (block::ATTITUDE_DEVIATION, [0.5, 0.5, 0.6, 0.6].map(constant).to_vec()),
+        ];
+        assert_eq!(attitude.processes(), expected);
+        let heading = HeadingModel {
+            offset_sd_rad: SlowSd(0.1),
+            walk_sd_rad: SlowSd(0.3),
+            walk_time_s: WalkTime(50.0),
+            semicircular_sd_rad: SlowSd(0.5),
+            quadrantal_sd_rad: SlowSd(0.6),
+            ..HeadingModel::default()
+        };
+        let expected = [
+            (block::HEADING_ERROR, vec![constant(0.1), walk(0.3)]),
+            (block::HEADING_DEVIATION, [0.5, 0.5, 0.6, 0.6].map(constant).to_vec()),
+        ];
+        assert_eq!(heading.processes(), expected);
+        let thrust = ThrustModel {
+            scale_sd: [0.1, 0.2, 0.3],
+            slip_sd_mps: [0.02, 0.0, 0.04],
+            slip_time_s: TimeConstant(5.0),
+            ..ThrustModel::default()
+        };
+        let scale = |sd| Process {
+            mean: 1.0,
+            ..constant(sd)
+        };
+        let slip = |sd| lasting(sd, 5.0);
+        let expected = vec![
+            scale(0.1),
+            constant(0.0),
+            scale(0.3),
+            slip(0.02),
+            constant(0.0),
+            slip(0.04),
+        ];
+        assert_eq!(thrust.processes(), (block::THRUST, expected));
+        let motion = MotionPrior {
+            mean_sd_mps: [1.0, 2.0, 3.0],
+            mean_time_s: 70.0,
+            change_sd_mps: [4.0, 5.0, 6.0],
+            change_time_s: [7.0, 8.0, 9.0],
+        };
+        let mean = [1.0, 2.0, 3.0].map(|sd| lasting(sd, 70.0)).into_iter();
+        let change = [(4.0, 7.0), (5.0, 8.0), (6.0, 9.0)].map(|(sd, time_s)| lasting(sd, time_s));
+        assert_eq!(motion.processes(), (block::MOTION, mean.chain(change).collect()));
+        let calibration = CalibrationPrior {
+            mounting_sd_rad: [0.1, 0.2, 0.3],
+            clock_sd_s: 0.4,
+        };
+        let expected = [0.1, 0.2, 0.3, 0.4].map(constant).to_vec();
+        assert_eq!(calibration.processes(), (block::CALIBRATION, expected));
+    }
 }

@@ -178,3 +178,22 @@ fn restored_numbers_are_checked() {
         assert!(bad.check_restored(3).is_err(), "{number}");
     }
 }
+
+/// What was measured ten minutes ago has 1/e of its weight.
+#[test]
+fn weights_fade() {
+    let mut model = SlipModel::new(4e-4, 5.0, 20.0, [0.0; SLIP]);
+    let slip = |measured_mps: f64| MeasuredSlip {
+        measured_mps,
+        by: [0.0; SLIP],
+        variance: 1e-4,
+    };
+    model.learn(&slip(0.01));
+    let before: Vec<f64> = model.nodes.iter().map(|node| node.log_likelihood).collect();
+    model.wait(600.0);
+    // An outlier to every node adds nothing.
+    model.learn(&slip(1e3));
+    for (node, before) in model.nodes.iter().zip(before) {
+        assert!((node.log_likelihood - before * (-1.0_f64).exp()).abs() < 1e-12);
+    }
+}
