@@ -78,6 +78,7 @@ class SegmentsDict(TypedDict):
 class ScheduleDict(TypedDict):
     dvl_time_ns: NDArray[np.int64]
     beam_valid: NDArray[np.bool_]
+    beam_range_m: NotRequired[NDArray[np.float64]]
     depth_time_ns: NDArray[np.int64]
     depth_offset_m: NotRequired[NDArray[np.float64]]
     magnetometer_time_ns: NDArray[np.int64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from bottomlock.kernel.models import DvlModel
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Mode
-from bottomlock.recordings.readings import Ping
+from bottomlock.recordings.readings import LOST_SD_MPS, Ping
 from tests.live.test_engine import fly
 from tests.live.world import START_NS, World, config
 
@@ -65,6 +66,21 @@ def test_readings_of_a_program_need_it_too() -> None:
     nav = Navigator.start(dvl=dvl, imu="tactical", latitude_deg=54.0, heading_deg=90.0)
     with pytest.raises(KernelError, match="beam 1 is valid and its figure of merit is nan"):
         nav.push(Ping.of_beams(0, [0.1, 0.1, 0.1, 0.1]))
+
+
+def test_noise_that_grows_with_the_range(tmp_path: Path) -> None:
+    """The root of the sum of both squares, by the geometry's file or the section; a beam has to have a range."""
+    file = tmp_path / "dvl.toml"
+    file.write_text(GEOMETRY.replace("= 0.01", "= 0.03") + "beam_noise_mps_per_m = 1e-3\n")
+    of_file = config(geometry=str(file), change=("dvl.beam_noise_mps = 0.01\n", ""))
+    noise = "dvl.beam_noise_mps = 0.03\ndvl.beam_noise_mps_per_m = 1e-3"
+    of_section = config(change=("dvl.beam_noise_mps = 0.01", noise))
+    ping = Ping.of_beams(0, [0.1, 0.1, np.nan, 0.1])
+    ranged = dataclasses.replace(ping, range_m=np.array([40.0, 0.0, np.nan, 0.0]))
+    for one in (of_file, of_section):
+        assert one.with_noise(ranged, one.instrument()).sd_mps.tolist() == [0.05, 0.03, LOST_SD_MPS, 0.03]
+        with pytest.raises(KernelError, match="beam 1 is valid and its range is nan"):
+            one.with_noise(ping, one.instrument())
 
 
 @pytest.mark.parametrize("form", ["waterlinked-json", "pd0", "nortek-ad2cp", "cerulean-dvkfc"])

@@ -10,7 +10,7 @@ import pytest
 import bottomlock
 from bottomlock.config.instrument_grades import imu
 from bottomlock.kernel import Method
-from bottomlock.kernel.models import DepthModel, HeadingModel, MagnetometerModel, Settings
+from bottomlock.kernel.models import DepthModel, DvlModel, HeadingModel, MagnetometerModel, Settings
 from bottomlock.statistics.chi_squared import mean_band
 from tests.analytic import analytic_simulation
 from tests.statistical import ensembles
@@ -41,6 +41,10 @@ COLD = TACTICAL.replace(
     warm_up_time_s=100.0,
 )  # fmt: skip
 DEPTH = DepthModel(sd_m=0.02, bias_sd_m=0.3, bias_time_s=600.0)
+BEAMS = DvlModel(
+    beam_noise_sd_mps=0.01, beam_noise_sd_mps_per_m=1e-3, beam_bias_sd_mps=0.005, beam_bias_walk_mps_rts=5e-5,
+    scale_factor_sd=0.007, scale_factor_walk_rts=5e-5,
+)  # fmt: skip
 SENSORS = {
     "magnetometer": Slow(
         "magnetometer",
@@ -73,6 +77,10 @@ SENSORS = {
         "imu", TACTICAL, TACTICAL.replace(gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0),
         column=None, trajectory_key=53, state=3, least_over=1.5,
     ),
+    "beams": Slow(
+        "dvl", BEAMS, BEAMS.replace(beam_noise_sd_mps_per_m=0.0), column=None, trajectory_key=61, state=6,
+        least_over=1.5,
+    ),
     "warm-up": Slow(
         "imu", COLD, COLD.replace(accel_warm_up_sd_mps2=0.0, gyro_warm_up_sd_radps=0.0),
         column=None, trajectory_key=59, state=3, least_over=1.5,
@@ -87,8 +95,10 @@ def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     scenario, truth = simulation.scenario, simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["beam_valid"] = np.tile([True, True, False, False], (len(schedule["dvl_time_ns"]), 1))
+    # Away from the bottom, one beam more than the other.
+    schedule["beam_range_m"] = np.linspace([5.0] * 4, [60.0, 40.0] * 2, len(schedule["dvl_time_ns"]))
     slow = SENSORS[sensor]
-    if slow.section != "imu":
+    if slow.section not in {"imu", "dvl"}:
         schedule[f"{slow.section}_time_ns"] = schedule["dvl_time_ns"]
     if slow.column is not None:
         schedule[slow.column] = np.zeros(len(schedule["dvl_time_ns"]))

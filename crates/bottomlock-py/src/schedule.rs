@@ -2,7 +2,7 @@
 
 use bottomlock::aiding::registry::{SENSORS, SensorKind};
 use bottomlock::aiding::sensor::Simulation;
-use bottomlock::dvl::geometry::BeamMask;
+use bottomlock::dvl::geometry::{BeamMask, MAX_BEAMS};
 use bottomlock::simulation::owned_schedule::{OwnedEpochs, OwnedSchedule, OwnedWater, PerRun};
 
 use crate::arrays::{Array, booleans, floats, rows, times};
@@ -89,6 +89,14 @@ fn masks(keys: &Keys<'_>, key: &str, epochs: usize, beams: usize, runs: usize) -
     Ok(PerRun(flags.0.iter().map(masks).collect()))
 }
 
+/// The range of every beam at each of a number of epochs; none without the key.
+fn ranges(keys: &Keys<'_>, epochs: usize, beams: usize, runs: usize) -> PyResult<PerRun<[f64; MAX_BEAMS]>> {
+    let given = per_run::<f64>(keys, "beam_range_m", runs, &[epochs, beams], floats)?.unwrap_or_default();
+    let padded = |row: &[f64]| std::array::from_fn(|beam| row.get(beam).copied().unwrap_or(0.0));
+    let rows = |ranges: &Vec<f64>| ranges.chunks_exact(beams.max(1)).map(padded).collect();
+    Ok(PerRun(given.0.iter().map(rows).collect()))
+}
+
 /// The epochs of the water, none without `water_track_time_ns`.
 fn water(keys: &Keys<'_>, beams: usize, runs: usize) -> PyResult<OwnedWater> {
     const VALUES: [&str; 3] = ["water_track_valid", "water_current_n_mps", "water_shear_n_ps"];
@@ -118,6 +126,7 @@ pub fn schedule(value: Argument, beams: usize, runs: usize) -> PyResult<OwnedSch
         }
         Ok(OwnedSchedule {
             beam_valid,
+            beam_range_m: ranges(keys, dvl_time_ns.len(), beams, runs)?,
             dvl_time_ns,
             sensors,
             water: water(keys, beams, runs)?,

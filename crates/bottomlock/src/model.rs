@@ -146,6 +146,7 @@ impl Model {
                     beam_bias_walk_mps_rts: 5e-5,
                     scale_factor_sd: 0.007,
                     scale_factor_walk_rts: 5e-5,
+                    ..DvlModel::default()
                 },
                 depth: DepthModel {
                     sd_m: 0.02,
@@ -280,6 +281,7 @@ mod tests {
             beam_bias_walk_mps_rts: 23.0,
             scale_factor_sd: 29.0,
             scale_factor_walk_rts: 31.0,
+            ..DvlModel::default()
         };
         model
     }

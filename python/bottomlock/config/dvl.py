@@ -108,14 +108,15 @@ class DvlSettings(Section):
     """geometry of the DVL, packaged or a file"""
     beam_noise_mps: Annotated[Positive | None, shown(example=0.02)] = None
     """white noise of a beam, 1 sigma; none: the geometry's"""
+    beam_noise_mps_per_m: Annotated[NonNegative | None, shown(example=5e-4)] = None
+    """white noise that grows with the range of a beam, beside that, 1 sigma; none: the geometry's"""
     beam_noise_from: Annotated[Literal["geometry", "recording"], shown(example="recording")] = "geometry"
     """where the noise is from: geometry file, or the instrument's own figure of merit of each beam and ping"""
     errors: DvlErrors = DvlErrors()
 
     @model_validator(mode="after")
     def _noise_once(self) -> Self:
-        if self.beam_noise_from == "recording" and self.beam_noise_mps is not None:
-            raise ValueError(
-                'beam_noise_from is "recording", and beam_noise_mps is given: expected one of them'
-            )
+        for key in ("beam_noise_mps", "beam_noise_mps_per_m"):
+            if self.beam_noise_from == "recording" and getattr(self, key) is not None:
+                raise ValueError(f'beam_noise_from is "recording", and {key} is given: expected one of them')
         return self

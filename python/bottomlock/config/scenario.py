@@ -32,6 +32,9 @@ from bottomlock.support.notebook import html_table
 
 EARTH_RATE_RADPS = 7.292115e-5
 
+_BY_SEABED = ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m", "beam_noise_mps_per_m")
+"""Keys of `[dvl]` that need a seabed."""
+
 
 class Scenario(SensorSections):
     """A whole scenario.
@@ -87,11 +90,7 @@ class Scenario(SensorSections):
         if self.mission and self.mission.kind == self.trajectory.kind:
             # It follows the trajectory's to another one.
             self.mission.model_fields_set.discard("kind")
-        limits = {
-            key
-            for key in ("min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m")
-            if getattr(self.dvl, key) != Dvl.model_fields[key].default
-        }
+        limits = {key for key in _BY_SEABED if getattr(self.dvl, key) != Dvl.model_fields[key].default}
         if limits and not self.seabed:
             raise ValueError(f"dvl.{min(limits)} is given, but there is no [seabed] to range to")
         if self.trajectory.source == "vehicle" and self.water_track.current != CurrentTable():

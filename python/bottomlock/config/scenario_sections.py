@@ -79,6 +79,8 @@ class Dvl(Outliers, DvlErrors, BeamLayout):
     tilt_deg: Annotated[BeamTilt, shown(range="≥ 2.0, < 90.0")] = 20.0
     """tilt of every beam from the vertical, for x and +"""
     beam_noise_mps: Annotated[Positive, shown(example=0.042)]
+    beam_noise_mps_per_m: NonNegative = 0.0
+    """white noise that grows with the range of a beam, beside `beam_noise_mps`; needs [seabed]"""
     min_range_m: NonNegative = 0.0
     """least range at which a beam returns; needs [seabed]"""
     max_range_m: Annotated[float, Field(gt=0), shown(example=64.0)] = math.inf

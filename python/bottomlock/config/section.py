@@ -27,6 +27,7 @@ _UNITS: dict[str, tuple[str, str, Callable[[float], float] | None]] = {
     "_percent_per_rt_s": ("%/√s", "_rts", units.fraction_from_percent),
     "_mps2_per_rt_s": ("m/s²/√s", "_mps2_rts", None),
     "_mps_per_rt_s": ("m/s/√s", "_mps_rts", None),
+    "_mps_per_m": ("m/s/m", "_mps_per_m", None),
     "_mps_per_rt_h": ("m/s/√h", "_mps_rts", units.per_rt_s_from_per_rt_h),
     "_deg_per_rt_h": ("deg/√h", "_rad_rts", _rad_rts_from_deg_per_rt_h),
     "_deg_per_h": ("deg/h", "_radps", units.radps_from_deg_per_h),

@@ -86,6 +86,8 @@ class InstrumentFile(BeamLayout):
         tuple[Annotated[float, Field(gt=0)], ...] | Annotated[float, Field(gt=0)], shown(example=0.02)
     ]
     """white noise, 1 sigma, of every beam, or of each"""
+    beam_noise_mps_per_m: Annotated[float, Field(ge=0, allow_inf_nan=False), shown(example=5e-4)] = 0.0
+    """white noise that grows with the range of a beam, beside that, 1 sigma"""
     columns: Columns = Columns()
     calibration: StatedCalibration | None = None
 
@@ -100,8 +102,15 @@ class Instrument:
     geometry: BeamGeometry
     beam_sd_mps: NDArray[np.float64]
     columns: Columns
+    beam_sd_mps_per_m: float = 0.0
     mounting_rpy_rad: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(3))
     calibration: StatedCalibration | None = None
+
+    def noise_mps(self, range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """1 sigma of the beams at ranges (..., beams), m; NaN where it grows with a range that is NaN."""
+        if self.beam_sd_mps_per_m == 0.0:
+            return np.broadcast_to(self.beam_sd_mps, range_m.shape)
+        return np.asarray(np.hypot(self.beam_sd_mps, self.beam_sd_mps_per_m * range_m))
 
     @property
     def stated(self) -> StatedCalibration:
@@ -160,8 +169,10 @@ def read_instrument_file(source: str | Path) -> InstrumentFile:
     return checked(InstrumentFile, content, place)
 
 
-def read_geometry(source: str | Path, *, beam_noise_mps: float | None = None) -> Instrument:
-    """Reads a DVL from a TOML file or a packaged name; `beam_noise_mps`, 1 sigma, replaces the noise of its beams.
+def read_geometry(
+    source: str | Path, *, beam_noise_mps: float | None = None, beam_noise_mps_per_m: float | None = None
+) -> Instrument:
+    """Reads a DVL from a TOML file or a packaged name; noise of its beams that is given, 1 sigma, replaces the file's.
 
     Raises:
         ScenarioError: as `read_instrument_file`, and for directions that are not unit vectors.
@@ -172,8 +183,9 @@ def read_geometry(source: str | Path, *, beam_noise_mps: float | None = None) ->
     """
     place = str(source) if Path(source).is_file() else f"geometry {source}"
     settings = read_instrument_file(source)
-    if beam_noise_mps is not None:
-        settings = settings.model_copy(update={"beam_noise_mps": beam_noise_mps})
+    given = {"beam_noise_mps": beam_noise_mps, "beam_noise_mps_per_m": beam_noise_mps_per_m}
+    update = {key: value for key, value in given.items() if value is not None}
+    settings = settings.model_copy(update=update)
     return instrument_of(settings, place=place)
 
 
@@ -203,6 +215,7 @@ def instrument_of(settings: InstrumentFile, *, place: str) -> Instrument:
         geometry=geometry,
         beam_sd_mps=sd,
         columns=settings.columns,
+        beam_sd_mps_per_m=settings.beam_noise_mps_per_m,
         mounting_rpy_rad=mounting,
         calibration=calibration,
     )

@@ -172,6 +172,8 @@ class DvlModel(Settings, place="dvl"):
 
     beam_noise_sd_mps: float
     """white noise of a beam"""
+    beam_noise_sd_mps_per_m: float = 0.0
+    """white noise beside it that grows with the range along the beam, of each m"""
     beam_bias_sd_mps: float
     """bias of a beam that is constant in a run or dive"""
     beam_bias_walk_mps_rts: float

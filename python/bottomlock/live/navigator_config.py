@@ -129,24 +129,31 @@ class NavigatorConfig(LiveSections):
         Raises:
             ScenarioError: as `read_geometry`.
         """
-        return read_geometry(self.dvl.geometry, beam_noise_mps=self.dvl.beam_noise_mps)
+        noise = {key: getattr(self.dvl, key) for key in ("beam_noise_mps", "beam_noise_mps_per_m")}
+        return read_geometry(self.dvl.geometry, **noise)
 
     def with_noise(self, ping: Ping, instrument: Instrument) -> Ping:
         """The ping with the noise of its beams that the filter takes: the geometry's, or its own figures of merit.
 
         Raises:
-            KernelError: for a valid beam without a figure where the section asks for it.
+            KernelError: for a valid beam without a figure where the section asks for it, or without a range that its
+                noise grows with.
         """
+        key, name, given = 'beam_noise_from = "recording"', "figure of merit", ping.sd_mps
+        sd = given
         if self.dvl.beam_noise_from == "geometry":
-            return replace(ping, sd_mps=instrument.beam_sd_mps)
-        stated = ping.sd_mps > 0.0
+            if instrument.beam_sd_mps_per_m == 0.0:
+                return replace(ping, sd_mps=instrument.beam_sd_mps)
+            key, name, given = "beam_noise_mps_per_m", "range", ping.range_m
+            sd = instrument.noise_mps(given)
+        stated = sd > 0.0
         wrong = np.flatnonzero(ping.valid & ~stated)
         if wrong.size:
             raise KernelError(
-                f"beam {wrong[0] + 1} is valid and its figure of merit is {ping.sd_mps[wrong[0]]}",
-                expected='more than 0: dvl.beam_noise_from = "recording" needs it of every valid beam',
+                f"beam {wrong[0] + 1} is valid and its {name} is {given[wrong[0]]}",
+                expected=f"more than 0: dvl.{key} needs it of every valid beam",
             )
-        return replace(ping, sd_mps=np.where(stated, ping.sd_mps, LOST_SD_MPS))
+        return replace(ping, sd_mps=np.where(stated, sd, LOST_SD_MPS))
 
     def content_hash(self) -> str:
         """SHA-256 of every section that a navigator is made of, and of the DVL's geometry by what its file says.

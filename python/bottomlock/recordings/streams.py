@@ -68,6 +68,7 @@ class Beams:
     """Pings: times (n,), beam velocities (n, B) with NaN for a lost beam, validity and noise 1 sigma, (n, B) each.
 
     `velocity_d_mps` (n, 3) is the instrument's velocity that the beams were projected from; None for recorded beams.
+    `range_m` (n, B) is there where the noise grows with it.
     """
 
     time_ns: Times
@@ -75,6 +76,7 @@ class Beams:
     valid: Flags
     sd_mps: Floats
     velocity_d_mps: Floats | None = None
+    range_m: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,7 @@ def _ping(beams: Beams, time_ns: int, row: int) -> Ping:
         velocity_mps=beams.velocity_mps[row],
         valid=beams.valid[row],
         sd_mps=beams.sd_mps[row],
-        range_m=none,
+        range_m=none if beams.range_m is None else beams.range_m[row],
         instrument_mps=np.full(3, np.nan) if velocity_d is None else velocity_d[row],
         instrument_valid=None,
     )

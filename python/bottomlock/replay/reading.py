@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from bottomlock.recordings.axes import (
     handedness,
     to_platform_axes,
 )
+from bottomlock.recordings.dvl_sections import DvlStream
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.readings import LOST_SD_MPS
 from bottomlock.recordings.rotation import permute_axes
@@ -64,7 +64,8 @@ def read_streams(case: Case) -> Streams:
     clocks: dict[str, ClockReport] = {}
     notes: list[str] = []
     inertial = None if isinstance(case.imu, ImuFromAttitude) else _inertial(case.imu, clocks, notes)
-    instrument = read_geometry(case.dvl.geometry, beam_noise_mps=case.dvl.beam_noise_mps)
+    noise = {key: getattr(case.dvl, key) for key in ("beam_noise_mps", "beam_noise_mps_per_m")}
+    instrument = read_geometry(case.dvl.geometry, **noise)
     beams = _beams(case, instrument, clocks, notes)
     water, water_counts = (
         (None, None) if case.water_file is None else read_water(case, case.water_file, instrument, clocks)
@@ -198,10 +199,17 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
         kept = timed.rows[:: dvl.every]
         clocks["dvl"] = replace(timed.report, kept=len(kept))
         velocity, valid = pings.velocity_mps[kept], pings.valid[kept]
-        sd = np.broadcast_to(instrument.beam_sd_mps, velocity.shape)
-        if dvl.beam_noise_from == "recording":
-            sd = _recorded_noise(dvl.file, kept, valid)
-        return Beams(timed.time_ns[:: dvl.every] + late_ns, velocity, valid, np.ascontiguousarray(sd))
+        grows = instrument.beam_sd_mps_per_m > 0.0 and dvl.beam_noise_from == "geometry"
+        ranges = read_beam_table(dvl.file).range_m[kept] if grows else None
+        sd = np.ascontiguousarray(_noise(dvl, instrument, kept, valid, ranges))
+        return Beams(timed.time_ns[:: dvl.every] + late_ns, velocity, valid, sd, range_m=ranges)
+    if instrument.beam_sd_mps_per_m > 0.0:
+        raise DataError(
+            f"is {instrument.beam_sd_mps_per_m:g}",
+            place=str(dvl.file),
+            key="dvl.beam_noise_mps_per_m",
+            expected='0: beams that are projected from a velocity (source = "velocity") have no range',
+        )
     assert dvl.velocity is not None  # validated in DvlStream
     values, timed, table = read_stream(
         dvl, dvl.velocity, lost=lambda read: _no_velocity(read * SPEED_SI[dvl.velocity_unit])
@@ -232,17 +240,26 @@ def _no_velocity(velocity_mps: Floats) -> Flags:
     return np.asarray(is_code(velocity_mps, zero[:, None]).any(axis=1))
 
 
-def _recorded_noise(file: Path, rows: Times, valid: Flags) -> Floats:
-    """(n, B) the instrument's figure of merit of each beam, 1 sigma; 1 m/s where a lost beam has none."""
-    sd = read_beam_table(file).sd_mps[rows]
+def _noise(
+    dvl: DvlStream, instrument: Instrument, rows: Times, valid: Flags, range_m: Floats | None
+) -> Floats:
+    """(n, B) 1 sigma of each beam: the geometry's, or the instrument's figure of merit; 1 m/s of a lost one without."""
+    key, column = "beam_noise_mps_per_m", "range_m"
+    if dvl.beam_noise_from == "recording":
+        key, column = 'beam_noise_from = "recording"', "sd_mps"
+        given = sd = read_beam_table(dvl.file).sd_mps[rows]
+    elif range_m is None:
+        return np.broadcast_to(instrument.beam_sd_mps, valid.shape)
+    else:
+        given, sd = range_m, instrument.noise_mps(range_m)
     wrong = np.argwhere(valid & ~(sd > 0.0))
     if wrong.size:
         row, beam = (int(index) for index in wrong[0])
         raise DataError(
-            f"is {sd[row, beam]}",
-            place=f"{file}: row {rows[row]}",
-            key=f"column 'beam{beam + 1}_sd_mps'",
-            expected='more than 0: dvl.beam_noise_from = "recording" needs it of every valid beam',
+            f"is {given[row, beam]}",
+            place=f"{dvl.file}: row {rows[row]}",
+            key=f"column 'beam{beam + 1}_{column}'",
+            expected=f"more than 0: dvl.{key} needs it of every valid beam",
         )
     return np.asarray(np.where(sd > 0.0, sd, LOST_SD_MPS))
 

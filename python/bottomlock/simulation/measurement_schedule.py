@@ -87,8 +87,11 @@ class MeasurementSchedule:
         hits = self._footprints(now["dvl"], time_ns, position_t_m, attitude_t_p)
         if hits is not None:
             valid = combine(valid, _flat(returning(hits, scenario.dvl)))
+        ranges = {}
+        if hits is not None and scenario.dvl.beam_noise_mps_per_m > 0.0:
+            ranges = {"beam_range_m": _flat(np.where(np.isfinite(hits.range_m), hits.range_m, 0.0))}
         schedule: dict[str, Any] = {f"{name}_time_ns": times for name, times in now.items()}
-        schedule["beam_valid"] = valid
+        schedule |= ranges | {"beam_valid": valid}
         if "dvl" in self._current:
             schedule |= self._water(now["dvl"], self._current["dvl"][within["dvl"]], valid)
         if len(now["thrust"]):

@@ -35,7 +35,7 @@ WORLD = (
 
 _LOSS = (
     "beams_lost", "outages", "dropouts", "altitude_loss", "replay_validity",
-    "min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m",
+    "min_range_m", "max_range_m", "max_incidence_deg", "range_noise_m", "beam_noise_mps_per_m",
 )  # fmt: skip
 """Keys of `[dvl]` that lose beams, or are of the seabed, which there is none of."""
 

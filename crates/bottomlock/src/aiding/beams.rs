@@ -16,6 +16,9 @@ model_section! {
     pub struct DvlModel in "dvl" {
         /// White noise of a beam, m/s.
         pub beam_noise_sd_mps: f64,
+        /// What grows with the range along the beam, beside it, m/s of each m.
+        #[serde(default)]
+        pub beam_noise_sd_mps_per_m: f64,
         /// Bias of a beam at the start, m/s.
         pub beam_bias_sd_mps: f64,
         /// Random walk of a beam bias, m/s/√s.
@@ -24,6 +27,14 @@ model_section! {
         pub scale_factor_sd: f64,
         /// Random walk of the scale factor, 1/√s.
         pub scale_factor_walk_rts: f64,
+    }
+}
+
+impl DvlModel {
+    /// White noise of a beam that meets the bottom at a range, m/s.
+    #[must_use]
+    pub fn noise_sd_mps(&self, range_m: f64) -> f64 {
+        self.beam_noise_sd_mps.hypot(self.beam_noise_sd_mps_per_m * range_m)
     }
 }
 

@@ -159,10 +159,7 @@ impl MonteCarloRun {
 
     fn measure(&mut self, truth: &Truth<'_>, schedule: &Schedule<'_>, (sensor, k): Epoch) -> Result<(), NavError> {
         let event = match sensor {
-            Aid::Dvl => {
-                let (time_ns, valid) = (schedule.dvl_time_ns[k], schedule.beam_valid[k]);
-                Event::Beams(self.sensors.ping(truth, &self.geometry, time_ns, valid)?)
-            }
+            Aid::Dvl => Event::Beams(self.sensors.ping(truth, &self.geometry, schedule, k)?),
             Aid::Water => match self.sensors.water_ping(truth, &self.geometry, &schedule.water, k)? {
                 Some(sample) => Event::WaterTrack(sample),
                 None => return Ok(()),

@@ -1,7 +1,7 @@
 //! Schedules of many runs, owned: what the runs have in common is kept once.
 
 use crate::aiding::registry::SENSORS;
-use crate::dvl::geometry::BeamMask;
+use crate::dvl::geometry::{BeamMask, MAX_BEAMS};
 use crate::simulation::schedule::{Schedule, SensorEpochs, WaterEpochs};
 
 /// Values at each epoch, shared by all runs or one set for each.
@@ -29,6 +29,8 @@ pub struct OwnedSchedule {
     pub dvl_time_ns: Vec<i64>,
     /// Their valid beams.
     pub beam_valid: PerRun<BeamMask>,
+    /// Their ranges, m; none where the noise does not grow with them.
+    pub beam_range_m: PerRun<[f64; MAX_BEAMS]>,
     /// Epochs of the other sensors.
     pub sensors: [OwnedEpochs; SENSORS],
     /// Epochs of the beams that the water returns.
@@ -66,6 +68,7 @@ impl OwnedSchedule {
         Schedule {
             dvl_time_ns: &self.dvl_time_ns,
             beam_valid: self.beam_valid.of(run),
+            beam_range_m: self.beam_range_m.of(run),
             sensors: self.sensors.each_ref().map(|epochs| SensorEpochs {
                 time_ns: epochs.time_ns.of(run),
                 offset: epochs.offset.of(run),

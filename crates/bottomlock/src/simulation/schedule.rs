@@ -1,8 +1,8 @@
 //! When sensors measure and which beams return.
 
 use crate::aiding::registry::{SENSORS, SensorKind};
-use crate::dvl::geometry::BeamMask;
-use crate::error::{NavError, require_finite, require_rising};
+use crate::dvl::geometry::{BeamMask, MAX_BEAMS};
+use crate::error::{NavError, require_finite, require_non_negative, require_rising};
 
 /// Times of each sensor, returning beams, and offsets of readings by the environment.
 #[derive(Debug, Clone, Copy, Default)]
@@ -11,6 +11,8 @@ pub struct Schedule<'a> {
     pub dvl_time_ns: &'a [i64],
     /// Valid beams of each DVL epoch.
     pub beam_valid: &'a [BeamMask],
+    /// Range along each beam, m, 0 for one that meets no bottom; none where the noise of the beams does not grow with it.
+    pub beam_range_m: &'a [[f64; MAX_BEAMS]],
     /// Epochs of the other sensors, by their places in the registry.
     pub sensors: [SensorEpochs<'a>; SENSORS],
     /// Epochs of the beams that the water returns.
@@ -69,6 +71,12 @@ impl<'a> Schedule<'a> {
             }
         };
         same("beam_valid", self.beam_valid.len(), self.dvl_time_ns.len(), "dvl")?;
+        if !self.beam_range_m.is_empty() {
+            same("beam_range_m", self.beam_range_m.len(), self.dvl_time_ns.len(), "dvl")?;
+        }
+        for &range_m in self.beam_range_m.iter().flatten() {
+            require_non_negative("beam_range_m", range_m)?;
+        }
         let (water, epochs) = (&self.water, self.water.time_ns.len());
         same("water_track_valid", water.beam_valid.len(), epochs, "water_track")?;
         same("water_current_n_mps", water.current_n_mps.len(), epochs, "water_track")?;

@@ -81,7 +81,7 @@ pub fn simulate(
         },
     );
     let mut water = (0..schedule.water.time_ns.len()).peekable();
-    for (&time_ns, &valid) in schedule.dvl_time_ns.iter().zip(schedule.beam_valid) {
+    for (epoch, &time_ns) in schedule.dvl_time_ns.iter().enumerate() {
         if let Some(previous) = streams.pings.last().filter(|last| time_ns <= last.time_ns) {
             return Err(NavError::TimeNotIncreasing {
                 stream: "dvl",
@@ -94,7 +94,7 @@ pub fn simulate(
             let sample = errors.water_ping(truth, geometry, &schedule.water, k)?;
             streams.water.extend(sample);
         }
-        streams.pings.push(errors.ping(truth, geometry, time_ns, valid)?);
+        streams.pings.push(errors.ping(truth, geometry, schedule, epoch)?);
         let (bias, scale) = errors.dvl_errors();
         streams.beam_bias_mps.push(bias);
         streams.scale_factor.push(scale);

@@ -37,9 +37,10 @@ def order_finding(streams: Streams) -> Finding | None:
 def beam_noise_finding(case: Case, streams: Streams) -> Finding | None:
     """A claimed noise that the closure of the beams exceeds by far; None without redundant beams."""
     beams = streams.beams
-    if beams.velocity_d_mps is not None or case.dvl.beam_noise_from == "recording":
-        return None
     claimed = streams.instrument.beam_sd_mps
+    varies = case.dvl.beam_noise_from == "recording" or streams.instrument.beam_sd_mps_per_m > 0.0
+    if beams.velocity_d_mps is not None or varies:
+        return None
     noise = measure_noise(streams.instrument.geometry, beams.velocity_mps, beams.valid, claimed)
     group = noise.groups[-1]
     if group.fallback or group.factor < SMALL_CLAIM:

@@ -122,7 +122,7 @@ def _measured(case: Case, streams: Streams, key: str) -> float | None:
 
 def _applies(case: Case, streams: Streams, key: str) -> bool:
     if key == BEAM_NOISE:
-        return case.dvl.beam_noise_from != "recording"
+        return case.dvl.beam_noise_from != "recording" and streams.instrument.beam_sd_mps_per_m == 0.0
     if key == WATER_NOISE:
         # Noise that the instrument records with each cell comes before that of the case.
         return streams.water is not None and float(np.ptp(streams.water.sd_mps)) == 0.0

@@ -23,7 +23,7 @@ use crate::layout::BIASED_BEAMS;
 use crate::mechanisation::{ImuSample, Sampling};
 use crate::model::Model;
 use crate::random::Normals;
-use crate::simulation::schedule::WaterEpochs;
+use crate::simulation::schedule::{Schedule, WaterEpochs};
 use crate::simulation::truth::Truth;
 use crate::state::{ErrorVector, NavState};
 
@@ -207,14 +207,16 @@ impl SensorErrors {
             .read(&self.model, &self.earth, self.sampling, at, samples, take);
     }
 
-    /// The ping at a time.
+    /// The ping at epoch k of a schedule.
     pub(crate) fn ping(
         &mut self,
         at: &Truth<'_>,
         geometry: &BeamGeometry,
-        time_ns: i64,
-        valid: BeamMask,
+        schedule: &Schedule<'_>,
+        k: usize,
     ) -> Result<BeamSample, NavError> {
+        let time_ns = schedule.dvl_time_ns[k];
+        let range_m = self.ranges(schedule, k)?;
         let (dvl, outliers) = (&self.model.sensors.dvl, &self.model.sensors.dvl_outliers);
         let own = &mut self.dvl;
         let instant = at.at("dvl", time_ns)?;
@@ -228,17 +230,30 @@ impl SensorErrors {
         let mut ping = BeamSample {
             time_ns,
             velocity_mps: [f64::NAN; MAX_BEAMS],
-            sd_mps: [self.claimed.sensors.dvl.beam_noise_sd_mps; MAX_BEAMS],
-            valid,
+            sd_mps: range_m.map(|range_m| self.claimed.sensors.dvl.noise_sd_mps(range_m)),
+            valid: schedule.beam_valid[k],
         };
         for (beam, (normals, random)) in own.noise.iter_mut().zip(&mut own.outliers).enumerate() {
             let reading = geometry.beam_velocity_mps(beam, &motion) + own.bias_mps[beam];
             let is_outlier = random.uniform() < outliers.outlier_fraction.0;
             let factor = if is_outlier { outliers.outlier_factor } else { 1.0 };
-            let error = factor * dvl.beam_noise_sd_mps * normals.one();
+            let error = factor * dvl.noise_sd_mps(range_m[beam]) * normals.one();
             ping.velocity_mps[beam] = (reading + error) * geometry.sound_speed_scale();
         }
         Ok(ping)
+    }
+
+    /// The ranges at epoch k of a schedule, m.
+    fn ranges(&self, schedule: &Schedule<'_>, k: usize) -> Result<[f64; MAX_BEAMS], NavError> {
+        let grows = |model: &Model| model.sensors.dvl.beam_noise_sd_mps_per_m > 0.0;
+        match schedule.beam_range_m.get(k) {
+            None if grows(&self.model) || grows(&self.claimed) => Err(NavError::setting(
+                "schedule.beam_range_m",
+                "is missing",
+                "the range of every beam at every ping, as dvl.beam_noise_sd_mps_per_m is more than 0",
+            )),
+            found => Ok(found.copied().unwrap_or_default()),
+        }
     }
 
     /// The ping that the water returns at epoch k, with the biases and the scale factor of the last ping; none without a beam.
