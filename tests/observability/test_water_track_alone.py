@@ -25,8 +25,11 @@ Floats = NDArray[np.float64]
 LOCK_S, DURATION_S = 60, 1860
 STEADY_S = 1e9
 ESTIMATED = dict.fromkeys(
-    ("gyro_scale_ppm", "gyro_misalignment_mrad", "accel_warm_up_mg", "gyro_warm_up_deg_per_h"), 0.0
-)
+    (
+        "gyro_scale_ppm", "gyro_misalignment_mrad", "gyro_g_sensitivity_deg_per_h_per_g", "accel_scale_ppm",
+        "accel_warm_up_mg", "gyro_warm_up_deg_per_h",
+    ), 0.0,
+)  # fmt: skip
 CURRENT_T_MPS = np.array([0.2, 0.1, 0.0])
 
 

@@ -35,7 +35,18 @@ class Slow:
     least_over: float
 
 
-TACTICAL = imu("tactical").replace(accel_warm_up_sd_mps2=0.0, gyro_warm_up_sd_radps=0.0)
+TACTICAL = imu("tactical").replace(
+    accel_warm_up_sd_mps2=0.0,
+    gyro_warm_up_sd_radps=0.0,
+    gyro_g_sensitivity_sd_radps_per_mps2=0.0,
+    accel_scale_sd=0.0,
+)
+BY_FORCE = TACTICAL.replace(
+    gyro_scale_sd=0.0,
+    gyro_misalignment_sd_rad=0.0,
+    gyro_g_sensitivity_sd_radps_per_mps2=5e-5,
+    accel_scale_sd=3e-3,
+)
 COLD = TACTICAL.replace(
     gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0, accel_warm_up_sd_mps2=0.02, gyro_warm_up_sd_radps=1e-4,
     warm_up_time_s=100.0,
@@ -80,6 +91,10 @@ SENSORS = {
     "beams": Slow(
         "dvl", BEAMS, BEAMS.replace(beam_noise_sd_mps_per_m=0.0), column=None, trajectory_key=61, state=6,
         least_over=1.5,
+    ),
+    "forces": Slow(
+        "imu", BY_FORCE, BY_FORCE.replace(gyro_g_sensitivity_sd_radps_per_mps2=0.0, accel_scale_sd=0.0),
+        column=None, trajectory_key=67, state=3, least_over=1.5,
     ),
     "warm-up": Slow(
         "imu", COLD, COLD.replace(accel_warm_up_sd_mps2=0.0, gyro_warm_up_sd_radps=0.0),

@@ -36,6 +36,12 @@ pub struct ImuModel {
     /// What a gyro sees of turns about each of the other axes, rad; considered, not estimated.
     #[serde(default)]
     pub gyro_misalignment_sd_rad: f64,
+    /// What a gyro sees of the specific force along each axis, rad/s per m/s²; likewise.
+    #[serde(default)]
+    pub gyro_g_sensitivity_sd_radps_per_mps2: f64,
+    /// Scale factor of an accelerometer, 1; likewise.
+    #[serde(default)]
+    pub accel_scale_sd: f64,
     /// How far the accelerometer biases move while the sensors warm up from the filter's start on, m/s².
     #[serde(default)]
     pub accel_warm_up_sd_mps2: f64,
@@ -62,6 +68,11 @@ impl ImuModel {
             ("imu.gyro_bias_walk_radps_rts", self.gyro_bias_walk_radps_rts),
             ("imu.gyro_scale_sd", self.gyro_scale_sd),
             ("imu.gyro_misalignment_sd_rad", self.gyro_misalignment_sd_rad),
+            (
+                "imu.gyro_g_sensitivity_sd_radps_per_mps2",
+                self.gyro_g_sensitivity_sd_radps_per_mps2,
+            ),
+            ("imu.accel_scale_sd", self.accel_scale_sd),
             ("imu.accel_warm_up_sd_mps2", self.accel_warm_up_sd_mps2),
             ("imu.gyro_warm_up_sd_radps", self.gyro_warm_up_sd_radps),
         ];

@@ -30,6 +30,11 @@ _UNITS: dict[str, tuple[str, str, Callable[[float], float] | None]] = {
     "_mps_per_m": ("m/s/m", "_mps_per_m", None),
     "_mps_per_rt_h": ("m/s/√h", "_mps_rts", units.per_rt_s_from_per_rt_h),
     "_deg_per_rt_h": ("deg/√h", "_rad_rts", _rad_rts_from_deg_per_rt_h),
+    "_deg_per_h_per_g": (
+        "deg/h/g",
+        "_radps_per_mps2",
+        lambda rate: units.radps_from_deg_per_h(rate) / units.STANDARD_GRAVITY_MPS2,
+    ),
     "_deg_per_h": ("deg/h", "_radps", units.radps_from_deg_per_h),
     "_deg_per_s": ("deg/s", "_radps", units.rad_from_deg),
     "_kg_per_m3": ("kg/m³", "_kgpm3", None),

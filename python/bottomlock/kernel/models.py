@@ -159,6 +159,10 @@ class ImuModel(Settings, place="imu"):
     """scale factor of a gyro, constant; the filter considers it and does not estimate it"""
     gyro_misalignment_sd_rad: float = 0.0
     """what a gyro sees of turns about each of the other axes, constant; likewise"""
+    gyro_g_sensitivity_sd_radps_per_mps2: float = 0.0
+    """what a gyro sees of the specific force along each axis, constant; likewise"""
+    accel_scale_sd: float = 0.0
+    """scale factor of an accelerometer, constant; likewise"""
     accel_warm_up_sd_mps2: float = 0.0
     """how far the accelerometer biases move while the sensors warm up from the start on, each axis"""
     gyro_warm_up_sd_radps: float = 0.0

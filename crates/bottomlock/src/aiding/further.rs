@@ -24,8 +24,8 @@ pub const DEVIATION: usize = 4;
 pub const MOTION: usize = 6;
 /// Number of states of the waves in a depth: what they add now, and the same a quarter of their period ago.
 pub const DEPTH_WAVE: usize = 2;
-/// Number of states of the gyros' scale factors and misalignments: a matrix by rows.
-pub const GYRO_MATRIX: usize = 9;
+/// Number of states of the considered errors of the inertial sensors.
+pub const CONSIDERED: usize = block::MOTION.first - block::GYRO_MATRIX.first;
 
 /// A further state: a constant or a first-order Gauss–Markov process.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,10 +125,14 @@ pub mod block {
     pub const HEADING_ERROR: Block = ATTITUDE_DEVIATION.then("heading_error_rad", HEADING);
     /// Deviation of the heading sensor, rad.
     pub const HEADING_DEVIATION: Block = HEADING_ERROR.then("heading_deviation_rad", DEVIATION);
-    /// The gyros' scale factors and misalignments (`filter/gyro_matrix.rs`).
-    pub const GYRO_MATRIX: Block = HEADING_DEVIATION.then("gyro_matrix", GYROS);
+    /// The gyros' scale factors and misalignments, a matrix by rows (`filter/imu_matrix.rs`).
+    pub const GYRO_MATRIX: Block = HEADING_DEVIATION.then("gyro_matrix", 9);
+    /// What the gyros see of forces, rad/s per m/s², a matrix by rows.
+    pub const GYRO_BY_FORCE: Block = GYRO_MATRIX.then("gyro_by_force", 9);
+    /// The accelerometers' scale factors.
+    pub const ACCEL_SCALE: Block = GYRO_BY_FORCE.then("accel_scale", 3);
     /// The motion of the vehicle: mean of surge, sway and heave, then their changes, m/s ([`crate::aiding::motion_prior`]).
-    pub const MOTION: Block = GYRO_MATRIX.then("motion_p_mps", OF_VEHICLE);
+    pub const MOTION: Block = ACCEL_SCALE.then("motion_p_mps", OF_VEHICLE);
     /// What the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
     pub const THRUST: Block = MOTION.then("thrust", OF_DRIVES);
     /// The motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or end them
@@ -138,7 +142,7 @@ pub mod block {
     pub const LAYERS: Block = WATER.then("current_layers_mps", LAYER_STATES);
 
     /// All of them, in order.
-    pub const ALL: [Block; 12] = [
+    pub const ALL: [Block; 15] = [
         DEPTH_BIAS,
         DEPTH_WAVE,
         CALIBRATION,
@@ -147,6 +151,8 @@ pub mod block {
         HEADING_ERROR,
         HEADING_DEVIATION,
         GYRO_MATRIX,
+        GYRO_BY_FORCE,
+        ACCEL_SCALE,
         MOTION,
         THRUST,
         WATER,

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, SMatrix, Vector3};
 
 use super::further_states::{FurtherStates, NONE};
 use super::further_update::Update;
-use super::gyro_matrix::{GyroMatrix, Turned};
+use super::imu_matrix::{ImuMatrix, Turned};
 use super::mean_change::MeanChange;
 use super::options::Options;
 use super::tape::{Step, Tape, transition};
@@ -28,8 +28,8 @@ pub(super) struct Extensions {
     pub(super) further: Option<Box<FurtherStates>>,
     /// Mean acceleration, where the clock of the DVL is unknown.
     pub(super) change: Option<Box<MeanChange>>,
-    /// Scale factors and misalignments of the gyros, where they are unknown.
-    pub(super) gyros: Option<Box<GyroMatrix>>,
+    /// Considered errors of the inertial sensors, where there are any.
+    pub(super) inertial: Option<Box<ImuMatrix>>,
     /// Warm-up of the inertial sensors.
     pub(super) warm_up: Option<WarmUp>,
     /// What both add to the covariance of the error state over the interval that is being propagated.
@@ -48,7 +48,7 @@ impl Extensions {
         let mut extensions = Self {
             further: None,
             change: None,
-            gyros: GyroMatrix::new(&model.imu, kinematics).map(Box::new),
+            inertial: ImuMatrix::new(&model.imu, kinematics).map(Box::new),
             warm_up: WarmUp::new(&model.imu),
             added: None,
             water: None,
@@ -57,7 +57,7 @@ impl Extensions {
         let mut blocks = model.sensors.processes();
         blocks.push(options.motion.processes());
         blocks.push(options.calibration.processes());
-        blocks.extend(extensions.gyros.as_deref().map(GyroMatrix::processes));
+        blocks.extend(extensions.inertial.iter().flat_map(|inertial| inertial.processes()));
         if options.thrust != ThrustUse::Off {
             blocks.push(model.sensors.thrust.processes());
         }
@@ -81,8 +81,8 @@ impl Extensions {
         if let Some(change) = &mut self.change {
             **change = change.restarted(kinematics);
         }
-        if let Some(gyros) = &mut self.gyros {
-            gyros.begin_interval(kinematics);
+        if let Some(inertial) = &mut self.inertial {
+            inertial.begin_interval(kinematics);
         }
     }
 
@@ -168,8 +168,8 @@ impl Extensions {
         if let Some(change) = &mut self.change {
             change.begin(kinematics);
         }
-        if let Some(gyros) = &mut self.gyros {
-            gyros.begin_interval(kinematics);
+        if let Some(inertial) = &mut self.inertial {
+            inertial.begin_interval(kinematics);
         }
     }
 
@@ -207,10 +207,10 @@ impl Extensions {
         }
     }
 
-    /// What the gyros' scale factors and misalignments add over an interval that ends at `end`.
+    /// What the considered errors of the inertial sensors add over an interval that ends at `end`.
     pub(super) fn turned(&self, interval: &Interval, end: &Kinematics<f64>, earth: &EarthTerms<f64>) -> Option<Turned> {
-        let gyros = self.gyros.as_deref().filter(|_| interval.duration_s() > 0.0)?;
-        Some(gyros.turned(interval, end, earth))
+        let inertial = self.inertial.as_deref().filter(|_| interval.duration_s() > 0.0)?;
+        Some(inertial.turned(interval, end, earth))
     }
 
     /// Records and propagates an interval of the error state that ends at `end`.
@@ -244,8 +244,8 @@ impl Extensions {
                 **self.added.get_or_insert_default() += further.consider(&turned);
             }
         }
-        if let Some(gyros) = &mut self.gyros {
-            gyros.begin_interval(end);
+        if let Some(inertial) = &mut self.inertial {
+            inertial.begin_interval(end);
         }
     }
 

@@ -17,7 +17,7 @@ use crate::aiding::{Innovation, RowJacobian, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
 use crate::filter::Eskf;
 use crate::filter::gate::Gate;
-use crate::filter::gyro_matrix::MATRIX;
+use crate::filter::imu_matrix::MATRIX;
 use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
@@ -46,6 +46,7 @@ fn filter() -> Eskf {
         wave_period_s: WavePeriod(7.0),
     };
     (model.imu.gyro_scale_sd, model.imu.gyro_misalignment_sd_rad) = (1e-3, 3e-3);
+    (model.imu.gyro_g_sensitivity_sd_radps_per_mps2, model.imu.accel_scale_sd) = (1e-5, 1e-3);
     model.sensors.magnetometer = MagnetometerModel {
         yaw_offset_sd_rad: SlowSd(0.03),
         roll_pitch_offset_sd_rad: SlowSd(0.01),
@@ -146,7 +147,7 @@ fn readings(filter: &mut Eskf, round: usize) -> Vec<(Innovation, Sensor)> {
 }
 
 /// Covariance after the textbook's update of all states, and the error that it estimates; `estimate` is that of the
-/// slow errors, which the residual still contains. Scale factors and misalignments of the gyros are considered.
+/// slow errors, which the residual still contains. Errors of the inertial sensors are considered.
 fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) -> (DMatrix<f64>, DVector<f64>) {
     let (m, rows) = (innovation.rows, innovation.by_further.as_deref().unwrap());
     let h = DMatrix::from_fn(m, ALL, |i, j| {

@@ -11,8 +11,8 @@
 use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::further_states::FurtherStates;
-use super::gyro_matrix::{MATRIX, Turned};
-use crate::aiding::further::{FURTHER, FurtherRows, FurtherVector, GYRO_MATRIX};
+use super::imu_matrix::{MATRIX, Turned};
+use crate::aiding::further::{CONSIDERED, FURTHER, FurtherRows, FurtherVector};
 use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS};
 use crate::error_model::Interval;
 use crate::layout::DIM;
@@ -90,11 +90,11 @@ impl FurtherStates {
         (x, own)
     }
 
-    /// Adds to the covariances with the error state, which have been propagated, what the gyros' scale factors and misalignments
-    /// did over the interval; returns what they add to the covariance of the error state.
+    /// Adds to the covariances with the error state, which have been propagated, what the considered errors of the
+    /// inertial sensors did over the interval; returns what they add to the covariance of the error state.
     pub(super) fn consider(&mut self, turned: &Turned) -> Covariance {
         let added = turned.added(&self.cross.fixed_columns(MATRIX.start).into_owned(), &self.of_matrix());
-        let covariance = self.covariance.fixed_rows::<GYRO_MATRIX>(MATRIX.start).into_owned();
+        let covariance = self.covariance.fixed_rows::<CONSIDERED>(MATRIX.start).into_owned();
         self.cross += turned.times(&covariance);
         added
     }
@@ -112,10 +112,10 @@ impl FurtherStates {
         turned.added(&cross, &self.of_matrix())
     }
 
-    /// Covariance of the gyros' scale factors and misalignments.
-    fn of_matrix(&self) -> SMatrix<f64, GYRO_MATRIX, GYRO_MATRIX> {
+    /// Covariance of the considered errors of the inertial sensors.
+    fn of_matrix(&self) -> SMatrix<f64, CONSIDERED, CONSIDERED> {
         self.covariance
-            .fixed_view::<GYRO_MATRIX, GYRO_MATRIX>(MATRIX.start, MATRIX.start)
+            .fixed_view::<CONSIDERED, CONSIDERED>(MATRIX.start, MATRIX.start)
             .into_owned()
     }
 

@@ -13,7 +13,7 @@ pub mod filter_group;
 mod further_states;
 mod further_update;
 pub mod gate;
-mod gyro_matrix;
+mod imu_matrix;
 mod joseph;
 #[cfg(test)]
 mod level_turn;

@@ -40,8 +40,8 @@ impl Eskf {
         if let Some(change) = &self.extensions.change {
             change.check_restored(time_ns)?;
         }
-        if let Some(gyros) = &self.extensions.gyros {
-            gyros.check_restored()?;
+        if let Some(inertial) = &self.extensions.inertial {
+            inertial.check_restored(time_ns)?;
         }
         if let Some(warm_up) = &self.extensions.warm_up {
             warm_up.check_restored()?;

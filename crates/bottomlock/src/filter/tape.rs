@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 use super::Eskf;
 use super::extensions::Extensions;
 use super::further_update::Update;
-use super::gyro_matrix::MATRIX;
-use crate::aiding::further::{DEPTH_WAVE, FURTHER, GYRO_MATRIX, block};
+use super::imu_matrix::MATRIX;
+use crate::aiding::further::{DEPTH_WAVE, FURTHER, block};
 use crate::aiding::{Corrects, Innovation};
 use crate::error_model::Interval;
 use crate::layout::DIM;
@@ -142,7 +142,7 @@ impl Eskf {
         let mut extensions = Extensions {
             further: self.extensions.further.clone(),
             change: self.extensions.change.clone(),
-            gyros: self.extensions.gyros.clone(),
+            inertial: self.extensions.inertial.clone(),
             warm_up: None,
             added: None,
             water: self.extensions.water.clone(),
@@ -192,10 +192,15 @@ pub(super) fn transition(
             .copy_from(&turned);
     }
     if let Some(turned) = extensions.turned(interval, end, earth) {
-        let first = place(MATRIX.start);
-        whole
-            .fixed_view_mut::<DIM, GYRO_MATRIX>(0, first)
-            .copy_from(&turned.by_matrix());
+        let by_matrix = turned.by_matrix();
+        for (at, k) in (DIM..)
+            .zip(extensions.further().states())
+            .filter(|(_, k)| MATRIX.contains(k))
+        {
+            whole
+                .view_mut((0, at), (DIM, 1))
+                .copy_from(&by_matrix.column(k - MATRIX.start));
+        }
     }
     whole
 }

@@ -30,8 +30,12 @@ pub(super) struct Inertial {
     pub(super) accel_bias: Vector3<f64>,
     /// Its current value, rad/s.
     pub(super) gyro_bias: Vector3<f64>,
-    /// Its scale factors and misalignments, by which readings are too much.
+    /// Scale factors and misalignments of the gyros, by which readings are too much.
     gyro_matrix: Matrix3<f64>,
+    /// What the gyros see of the specific force, rad/s per m/s².
+    gyro_by_force: Matrix3<f64>,
+    /// Scale factors of the accelerometers.
+    accel_scale: Vector3<f64>,
     /// How far the biases of accelerometers and gyros move while the sensors warm up.
     warm_up: [Vector3<f64>; 2],
     /// Time of the first reading.
@@ -50,6 +54,11 @@ impl Inertial {
             accel_walk,
             gyro_walk,
             gyro_matrix: drawn_matrix(imu, &mut of(Stream::GyroMatrix)),
+            gyro_by_force: {
+                let mut normals = of(Stream::GyroForce);
+                Matrix3::from_fn(|_, _| imu.gyro_g_sensitivity_sd_radps_per_mps2 * normals.one())
+            },
+            accel_scale: of(Stream::AccelScale).each(&[1.0; 3]) * imu.accel_scale_sd,
             warm_up: [
                 of(Stream::AccelWarmUp).each(&[1.0; 3]) * imu.accel_warm_up_sd_mps2,
                 of(Stream::GyroWarmUp).each(&[1.0; 3]) * imu.gyro_warm_up_sd_radps,
@@ -134,10 +143,15 @@ impl Inertial {
             time_ns: at.time_ns[k],
             rate_p_radps: (rate
                 + self.gyro_matrix * rate
+                + self.gyro_by_force * force
                 + self.gyro_bias
                 + gyro_noise * (imu.gyro_noise_rad_rts / root_dt))
                 .into(),
-            force_p_mps2: (force + self.accel_bias + accel_noise * (imu.accel_noise_mps_rts / root_dt)).into(),
+            force_p_mps2: (force
+                + self.accel_scale.component_mul(&force)
+                + self.accel_bias
+                + accel_noise * (imu.accel_noise_mps_rts / root_dt))
+                .into(),
         }
     }
 }

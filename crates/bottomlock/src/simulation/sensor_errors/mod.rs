@@ -50,6 +50,8 @@ enum Stream {
     GyroMatrix = 700,
     AccelWarmUp = 701,
     GyroWarmUp = 702,
+    GyroForce = 703,
+    AccelScale = 704,
     // 7 to 99 belong to the sensors of the registry, each of which declares its own.
     /// Plus the beam's index.
     BeamNoise = 100,
