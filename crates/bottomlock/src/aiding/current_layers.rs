@@ -211,9 +211,9 @@ impl Layers {
         let mut processes = [Process::constant(0.0); LAYER_STATES];
         for number in (self.first..).take(LAYERS) {
             let process = Process {
-                mean: 0.0,
                 variance: self.variance_of(number),
                 time_s,
+                ..Process::constant(0.0)
             };
             processes[2 * place_of(number)..][..2].fill(process);
         }

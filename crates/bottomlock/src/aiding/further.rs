@@ -13,6 +13,7 @@ use crate::aiding::calibration::CALIBRATION;
 use crate::aiding::current_layers::LAYER_STATES;
 use crate::aiding::thrust::THRUST;
 use crate::aiding::water::WATER;
+use crate::layout::{BIASED_BEAMS, MAX_BEAMS};
 
 /// Number of states of the error of an attitude reference: offset of roll, pitch and yaw, then their first-order walks.
 pub const ATTITUDE_ERROR: usize = 6;
@@ -27,7 +28,7 @@ pub const DEPTH_WAVE: usize = 2;
 /// Number of states of the considered errors of the inertial sensors.
 pub const CONSIDERED: usize = block::MOTION.first - block::GYRO_MATRIX.first;
 
-/// A further state: a constant or a first-order Gauss–Markov process.
+/// A further state: a constant, a random walk or a first-order Gauss–Markov process.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Process {
     /// Value at the start and, but for constants, in the long run.
@@ -36,6 +37,8 @@ pub struct Process {
     pub variance: f64,
     /// Correlation time, s; infinite for a constant.
     pub time_s: f64,
+    /// What a random walk adds to the variance, per s.
+    pub walk: f64,
 }
 
 impl Process {
@@ -52,6 +55,7 @@ impl Process {
             mean: 0.0,
             variance: sd * sd,
             time_s,
+            walk: 0.0,
         }
     }
 
@@ -103,8 +107,9 @@ impl Block {
 /// The blocks.
 pub mod block {
     use super::{
-        ATTITUDE_ERROR as ATTITUDE, Block, CALIBRATION as OF_DVL, DEPTH_WAVE as WAVE, DEVIATION, GYRO_MATRIX as GYROS,
-        HEADING_ERROR as HEADING, LAYER_STATES, MOTION as OF_VEHICLE, THRUST as OF_DRIVES, WATER as THROUGH_WATER,
+        ATTITUDE_ERROR as ATTITUDE, BIASED_BEAMS, Block, CALIBRATION as OF_DVL, DEPTH_WAVE as WAVE, DEVIATION,
+        HEADING_ERROR as HEADING, LAYER_STATES, MAX_BEAMS, MOTION as OF_VEHICLE, THRUST as OF_DRIVES,
+        WATER as THROUGH_WATER,
     };
 
     /// Bias of the depth sensor, m.
@@ -135,9 +140,11 @@ pub mod block {
     pub const MOTION: Block = ACCEL_SCALE.then("motion_p_mps", OF_VEHICLE);
     /// What the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
     pub const THRUST: Block = MOTION.then("thrust", OF_DRIVES);
+    /// Biases of the beams beyond those of the 20 states, m/s (`filter/beam_biases.rs`).
+    pub const BEAM_BIAS: Block = THRUST.then("beam_bias_mps", MAX_BEAMS - BIASED_BEAMS);
     /// The motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or end them
     /// while it runs, and the states of a smoother's tape then keep their places.
-    pub const WATER: Block = THRUST.then("water", THROUGH_WATER);
+    pub const WATER: Block = BEAM_BIAS.then("water", THROUGH_WATER);
     /// The current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
     pub const LAYERS: Block = WATER.then("current_layers_mps", LAYER_STATES);
 
@@ -155,6 +162,7 @@ pub mod block {
         ACCEL_SCALE,
         MOTION,
         THRUST,
+        BEAM_BIAS,
         WATER,
         LAYERS,
     ];

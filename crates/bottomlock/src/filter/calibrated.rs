@@ -35,13 +35,15 @@ impl Eskf {
 
     pub(super) fn beam_terms_at(&self, motion: &Motion<'_>, geometry: &BeamGeometry, ping: &BeamSample) -> BeamTerms {
         let further = self.extensions.further();
-        match (self.extensions.change.as_deref(), further.calibration()) {
+        let mut terms = match (self.extensions.change.as_deref(), further.calibration()) {
             (Some(change), Some(calibration)) => {
                 let change = change.motion_change(self.velocity_by_state());
                 calibrated_beam_terms(motion, &change, geometry, &calibration, ping)
             }
             _ => aiding::beam_terms(motion, geometry, ping),
-        }
+        };
+        self.add_biases_to(&mut terms, ping);
+        terms
     }
 
     /// A geometry at the estimated mounting.

@@ -11,7 +11,7 @@ use super::tape::{Step, Tape, transition};
 use super::warm_up::WarmUp;
 use super::water_block::WaterBlock;
 use crate::aiding::current_layers::LAYER_STATES;
-use crate::aiding::further::{FURTHER, block};
+use crate::aiding::further::{FURTHER, Processes, block};
 use crate::aiding::thrust::ThrustUse;
 use crate::aiding::water::{HEAVE, SWAY};
 use crate::aiding::{CorrectedPath, Innovation};
@@ -61,16 +61,19 @@ impl Extensions {
         if options.thrust != ThrustUse::Off {
             blocks.push(model.sensors.thrust.processes());
         }
-        for block in blocks {
-            if block.1.iter().any(|process| process.variance > 0.0) {
-                begun(&mut extensions.further).begin(&block);
-            }
-        }
+        blocks.iter().for_each(|block| extensions.begin(block));
         if !options.calibration.is_off() {
             let change = MeanChange::new(options.calibration.clock_sd_s, kinematics);
             extensions.change = Some(Box::new(change));
         }
         extensions
+    }
+
+    /// Begins a block of which something is unknown.
+    pub(super) fn begin(&mut self, block: &Processes) {
+        if block.1.iter().any(|process| process.variance + process.walk > 0.0) {
+            begun(&mut self.further).begin(block);
+        }
     }
 
     /// Begins all but the water states anew, at a state.

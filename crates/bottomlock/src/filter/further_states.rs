@@ -6,7 +6,7 @@
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others belong to the vehicle's
 //! motion, to its drives and to the DVL's mounting and clock.
 //!
-//! Each is a constant or a first-order Gauss–Markov process, so that the transition is diagonal, but for the waves in a depth,
+//! Each is a constant, a random walk or a first-order Gauss–Markov process, so that the transition is diagonal, but for the waves in a depth,
 //! whose two states turn into each other. A correction is added to the estimate, but for the mounting of the DVL, which it turns;
 //! and a current turns with the yaw that is corrected.
 
@@ -37,6 +37,8 @@ pub(super) struct FurtherStates {
     variance: FurtherVector,
     /// Correlation time, s; infinite for a constant.
     time_s: FurtherVector,
+    /// What a random walk adds to the variance, per s.
+    walk: FurtherVector,
     estimate: FurtherVector,
     /// C.
     pub(super) covariance: SMatrix<f64, FURTHER, FURTHER>,
@@ -48,8 +50,8 @@ pub(super) struct FurtherStates {
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 struct Saved {
     blocks: Vec<Range<usize>>,
-    /// Mean, variance, correlation time and estimate of each.
-    processes: Vec<[f64; 4]>,
+    /// Mean, variance, correlation time, walk and estimate of each.
+    processes: Vec<[f64; 5]>,
     covariance: Vec<f64>,
     cross: Vec<f64>,
 }
@@ -59,8 +61,8 @@ impl From<FurtherStates> for Saved {
         let states: Vec<usize> = further.states().collect();
         let pairs = states.iter().flat_map(|&k| states.iter().map(move |&i| (i, k)));
         let process = |&k: &usize| {
-            let vectors = [&further.mean, &further.variance, &further.time_s, &further.estimate];
-            vectors.map(|vector| vector[k])
+            let [mean, variance, time_s] = [&further.mean, &further.variance, &further.time_s].map(|vector| vector[k]);
+            [mean, variance, time_s, further.walk[k], further.estimate[k]]
         };
         Self {
             processes: states.iter().map(process).collect(),
@@ -91,6 +93,7 @@ impl TryFrom<Saved> for FurtherStates {
                 further.mean[k],
                 further.variance[k],
                 further.time_s[k],
+                further.walk[k],
                 further.estimate[k],
             ] = saved.processes[column];
             for (row, &i) in states.iter().enumerate() {
@@ -117,6 +120,7 @@ impl FurtherStates {
             mean: vector(0.0),
             variance: vector(0.0),
             time_s: vector(f64::INFINITY),
+            walk: vector(0.0),
             estimate: vector(0.0),
             covariance: SMatrix::from_array_storage(ArrayStorage([[0.0; FURTHER]; FURTHER])),
             cross: SMatrix::from_array_storage(ArrayStorage([[0.0; DIM]; FURTHER])),
@@ -141,7 +145,8 @@ impl FurtherStates {
     /// Replaces the processes of a block; estimates and covariances stay.
     pub(super) fn set(&mut self, block: Block, processes: &[Process]) {
         for (k, process) in block.range().zip(processes) {
-            (self.mean[k], self.variance[k], self.time_s[k]) = (process.mean, process.variance, process.time_s);
+            (self.mean[k], self.variance[k]) = (process.mean, process.variance);
+            (self.time_s[k], self.walk[k]) = (process.time_s, process.walk);
         }
     }
 
@@ -209,7 +214,7 @@ impl FurtherStates {
 
     /// The estimates that are added to a reading as they are: what it contains of the others the reading's residual has already.
     pub(super) fn added(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let is_added = |k: &usize| *k < block::WATER.first && !block::CALIBRATION.range().contains(k);
+        let is_added = |k: &usize| *k < block::BEAM_BIAS.first && !block::CALIBRATION.range().contains(k);
         let with_estimate = self.states().filter(is_added).map(|k| (k, self.estimate[k]));
         with_estimate.filter(|&(_, estimate)| estimate != 0.0)
     }
@@ -319,6 +324,7 @@ impl FurtherStates {
                 self.covariance[(i, k)] *= left[i] * left[k];
             }
             self.covariance[(k, k)] += (1.0 - left[k] * left[k]) * self.variance[k];
+            self.covariance[(k, k)] += self.walk[k] * interval.duration_s();
         }
         if let Some(turn) = self.wave_turn(interval.duration_s()) {
             let first = block::DEPTH_WAVE.first;
@@ -360,6 +366,7 @@ impl FurtherStates {
             .try_for_each(|vector| require_finite("further states", time_ns, vector.as_slice()))?;
         for k in self.states() {
             require_non_negative("variance of a further state", self.variance[k])?;
+            require_non_negative("walk of a further state", self.walk[k])?;
             if self.time_s[k] != f64::INFINITY {
                 require_positive("correlation time of a further state", self.time_s[k])?;
             }

@@ -86,7 +86,8 @@ fn filter() -> Eskf {
     };
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.1, -0.05);
-    Eskf::new(state, &model, &options).unwrap().with_water(Some(
+    let filter = Eskf::new(state, &model, &options).unwrap();
+    filter.with_beams(8, &model, true).with_water(Some(
         WaterBlock::new(&options.water).with_layers(&options.current_layers),
     ))
 }
@@ -159,7 +160,7 @@ fn updated(p: &DMatrix<f64>, innovation: &Innovation, estimate: &FurtherVector) 
     });
     let r = innovation.noise.view((0, 0), (m, m)).into_owned();
     let mut slow = *estimate;
-    for open in [block::CALIBRATION, block::WATER, block::LAYERS] {
+    for open in [block::CALIBRATION, block::BEAM_BIAS, block::WATER, block::LAYERS] {
         slow.rows_range_mut(open.range()).fill(0.0);
     }
     let z = DVector::from_column_slice((innovation.residual - rows * slow).rows(0, m).as_slice());
@@ -235,14 +236,15 @@ fn propagation_is_that_of_all_states() {
     };
     let after = filter.joint_covariance();
     let carried = phi * &before * phi.transpose();
-    let steady = filter.extensions.further().variance();
+    let (steady, walk) = (filter.extensions.further().variance(), filter.extensions.further().walk);
+    assert!(walk[block::BEAM_BIAS.first] > 0.0);
     for k in 0..block::WATER.first {
         let left = phi.view((DIM + k, DIM), (1, FURTHER)).norm();
         for i in (0..block::WATER.first).filter(|&i| i != k) {
             let gap = after[(DIM + i, DIM + k)] - carried[(DIM + i, DIM + k)];
             assert!(gap.abs() < 1e-13, "{i} {k}");
         }
-        let expected = carried[(DIM + k, DIM + k)] + (1.0 - left * left) * steady[k];
+        let expected = carried[(DIM + k, DIM + k)] + (1.0 - left * left) * steady[k] + walk[k] * 0.5;
         assert!((after[(DIM + k, DIM + k)] - expected).abs() < 1e-13, "{k}");
         for i in 0..DIM {
             assert!((after[(i, DIM + k)] - carried[(i, DIM + k)]).abs() < 1e-12, "{i} {k}");

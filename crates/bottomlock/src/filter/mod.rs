@@ -1,6 +1,7 @@
 //! The error-state extended Kalman filter: prediction, gate, update, feedback (Eqs. 1 and 7).
 
 mod assume;
+mod beam_biases;
 mod bridge;
 mod calibrated;
 pub(crate) mod charge;

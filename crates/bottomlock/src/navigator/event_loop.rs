@@ -95,10 +95,10 @@ impl Navigator {
         options: &Options,
     ) -> Result<Self, NavError> {
         own_aiding::check(aiding, options)?;
-        let filter = Eskf::new(initial, model, options)?.with_water(measured_water(options));
+        let filter = Eskf::new(initial, model, options)?.with_beams(geometry.beams(), model, options.estimate_dvl);
         let water = (aiding == BeamAiding::SwayCurrent).then(|| WaterBlock::new(&options.water));
         Ok(Self {
-            filters: DualFilter::new(filter, water),
+            filters: DualFilter::new(filter.with_water(measured_water(options)), water),
             geometry,
             aiding,
             options: *options,
