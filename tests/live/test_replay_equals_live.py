@@ -141,7 +141,9 @@ def written(dive: Dive, names: tuple[str, ...], folder: Path, dvl: Table) -> Pat
     stated = np.random.default_rng(8).uniform(0.005, 0.02, beams.shape)
     account = Account("line")
     valid = np.isfinite(dive.beams)
-    table = make_table(account, 4, np.arange(len(beams)), times_ns, beams, valid, sd=stated, range_m=2e3 * stated)
+    table = make_table(
+        account, 4, np.arange(len(beams)), times_ns, beams, valid, sd=stated, range_m=2e3 * stated
+    )
     table.to_frame().write_parquet(folder / "beams.parquet")
     water_of(dive).to_frame().write_parquet(folder / "beams_water.parquet")
     at = int(np.searchsorted(dive.imu_s, STARTS_S))
