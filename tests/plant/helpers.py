@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from bottomlock.plant import Mission, Vehicle, load_vehicle, model
-from bottomlock.plant.autopilot import Mixer
+from bottomlock.plant.autopilot import fin_mixing
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import NO_ERROR, runge_kutta_step
+from bottomlock.plant.swim import NO_ERROR, stepper
 
 GRAVITY_MPS2 = 9.795
 LATITUDE_RAD = math.radians(32.8)
@@ -67,7 +67,7 @@ def fins_of(
     vehicle: Vehicle, *, roll_rad: float = 0.0, pitch_rad: float = 0.0, yaw_rad: float = 0.0
 ) -> FloatArray:
     """Fin deflections of equivalent roll, pitch and yaw deflections."""
-    return Mixer.of(vehicle).fins_rad(np.array([roll_rad, pitch_rad, yaw_rad]))
+    return np.asarray(fin_mixing(vehicle) @ (roll_rad, pitch_rad, yaw_rad))
 
 
 def at_speed(speed_mps: float) -> list[float]:
@@ -87,12 +87,12 @@ def pilot(
     rates = model.derivative(vehicle, mission, SCALAR, GRAVITY_MPS2)
     steps = round(duration_s / step_s)
     rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)).tolist()
-    advance = runge_kutta_step(rates, SCALAR, step_s)
+    step = stepper(rates, SCALAR, step_s)
     segment = guide_rows(mission.segments)[0]
     present = [float(value) for value in state]
-    track = [present]
+    slope, track = rates(present, rows[0], segment, NO_ERROR), [present]
     for number in range(steps):
-        first = rates(present, rows[2 * number], segment, NO_ERROR)
-        present = advance(present, first, rows[2 * number + 1], rows[2 * number + 2], segment, NO_ERROR)
+        middle, end = rows[2 * number + 1], rows[2 * number + 2]
+        present, slope = step(present, slope, middle, end, segment, NO_ERROR)
         track.append(present)
     return step_s * np.arange(steps + 1, dtype=np.float64), np.array(track, dtype=np.float64)

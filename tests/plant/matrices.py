@@ -6,10 +6,15 @@ Fossen 2021, chapters 3, 4, 6 and 8.
 import numpy as np
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import cross_flow_strips
+from bottomlock.plant.equations import (
+    added_mass_matrix,
+    centre_of_gravity_p_m,
+    cross_flow_strips,
+    rotation_t_p,
+    skew,
+)
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import FloatArray
-from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rotation_t_p, skew
 
 
 def rigid_body_coriolis_matrix(vehicle: AnyVehicle, nu: FloatArray) -> FloatArray:

@@ -4,12 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from bottomlock.plant import Vehicle, model, straight, swim
-from bottomlock.plant.autopilot import Mixer, attitude_pid, fin_commands, fin_servo, speed_pid, thruster
+from bottomlock.plant.autopilot import fin_mixing, pid, servo
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.mission import DepthProfile, Mission
 from bottomlock.plant.path import PathBuilder
@@ -17,30 +14,22 @@ from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import eigenvalues, start_state
 from tests.plant.helpers import GRAVITY_MPS2, finned, pilot
 
-angles = hnp.arrays(np.float64, 3, elements=st.floats(-0.4, 0.4))
+
+@pytest.mark.parametrize("name", ["tauv", "remus100"])
+def test_mixing_is_orthogonal(name: str) -> None:
+    """+ or x: a command in roll, pitch or yaw does nothing to the other two; the rows are of unit pitch and yaw."""
+    mixing = fin_mixing(finned(name))
+    assert np.allclose(mixing.T @ mixing, np.diag([4.0, 2.0, 2.0]), atol=1e-12)
 
 
-@given(st.sampled_from(["tauv", "remus100"]), angles)
-def test_mixing_inverts(name: str, modes: FloatArray) -> None:
-    """+ or x: what the mixer gives to four fins comes back as roll, pitch and yaw."""
-    mixer = Mixer.of(finned(name))
-    assert np.allclose(mixer.modes_rad(mixer.fins_rad(modes)), modes, atol=1e-12)
-    assert np.allclose(fin_commands(finned(name))(*modes.tolist()), mixer.fins_rad(modes), atol=1e-12)
-
-
-def test_servo_lags_saturates_and_is_rate_limited(tauv: Vehicle) -> None:
-    servo, limits = fin_servo(tauv, SCALAR), tauv.fin_actuator
-    assert servo(0.05, 0.04) == pytest.approx(0.01 / limits.time_constant)
-    assert servo(0.4, -0.4) == pytest.approx(limits.max_rate)
-    assert servo(9.0, limits.max_deflection) == pytest.approx(0.0)
-    assert servo(-9.0, -limits.max_deflection) == pytest.approx(0.0)
-
-
-def test_thruster_lags_and_is_limited(tauv: Vehicle) -> None:
-    motor, prop = thruster(tauv, SCALAR), tauv.propeller
-    assert motor(10.5, 10.0) == pytest.approx(0.5 / prop.time_constant)
-    assert motor(30.0, 0.0) == pytest.approx(prop.max_acceleration)
-    assert motor(1e9, prop.max_speed) == pytest.approx(0.0)
+def test_servo_lags_saturates_and_is_rate_limited() -> None:
+    """A fin of 0.35 rad, 0.5 rad/s and 0.2 s by hand: the command is clipped, the lag divided, the rate clipped."""
+    rate = servo(0.35, 0.5, 0.2, SCALAR)
+    assert rate(0.05, 0.04) == pytest.approx(0.05)
+    assert rate(0.4, -0.4) == pytest.approx(0.5)
+    assert rate(-0.4, 0.4) == pytest.approx(-0.5)
+    assert rate(9.0, 0.35) == pytest.approx(0.0)
+    assert rate(-9.0, -0.35) == pytest.approx(0.0)
 
 
 def test_fins_stay_within_their_limits_in_a_hard_turn(tauv: Vehicle) -> None:
@@ -55,24 +44,29 @@ def test_fins_stay_within_their_limits_in_a_hard_turn(tauv: Vehicle) -> None:
 
 def test_integrators_do_not_wind_up(tauv: Vehicle) -> None:
     """Held at its limit for a minute, the integral settles at a bounded value instead of running away."""
-    for control, arguments, ceiling in (
-        (attitude_pid(tauv.autopilot.yaw, SCALAR), (1.0, 0.0), 3.0),
-        (attitude_pid(tauv.autopilot.roll, SCALAR), (1.0, 0.0), 3.0),
+    pilot = tauv.autopilot
+    for gains, low, high, error, forward in (
+        (pilot.yaw, -pilot.yaw.limit, pilot.yaw.limit, 1.0, 0.0),
+        (pilot.roll, -pilot.roll.limit, pilot.roll.limit, 1.0, 0.0),
+        (pilot.speed, 0.0, tauv.propeller.max_speed, 2.0, 3.0 * pilot.speed.feed_forward),
     ):
-        integral = 0.0
+        control, integral = pid(gains, low, high, SCALAR), 0.0
         for _ in range(6000):
-            given_angle, rate, _ = control(*arguments, integral, 0.0, 1.0)
+            given, rate = control(error, 0.0, integral, 1.0, forward)
             integral += 0.01 * rate
-        assert given_angle == pytest.approx(tauv.autopilot.yaw.limit, rel=0.7)
-        assert abs(integral) < ceiling * 10.0
+        assert given == pytest.approx(high)
+        assert abs(integral) < 30.0
         assert abs(rate) < 1e-4
-    speed = speed_pid(tauv.autopilot.speed, tauv.propeller.max_speed, SCALAR)
-    integral = 0.0
-    for _ in range(6000):
-        shaft, rate, _ = speed(3.0, 2.0, 0.0, integral, 0.0)
-        integral += 0.01 * rate
-    assert shaft == pytest.approx(tauv.propeller.max_speed)
-    assert abs(rate) < 1e-4
+
+
+def test_command_of_a_controller_by_hand(tauv: Vehicle) -> None:
+    """Error 0.1, its rate 0.02 and integral 0.3: (3 + 2 0.1 + 0.5 0.3 + 0.25 0.02) 0.8, far from the limits."""
+    chosen = {"proportional": 2.0, "integral": 0.5, "derivative": 0.25, "tracking_time": 2.0}
+    control = pid(tauv.autopilot.yaw.model_copy(update=chosen), -9.0, 9.0, SCALAR)
+    assert control(0.1, 0.02, 0.3, 0.8, 3.0) == pytest.approx((2.684, 0.1))
+    # beyond the limit of 2 the integral is driven back: 0.1 + (2 - 2.684) / 0.8 / (2 s 0.5)
+    limited = pid(tauv.autopilot.yaw.model_copy(update=chosen), -2.0, 2.0, SCALAR)
+    assert limited(0.1, 0.02, 0.3, 0.8, 3.0) == pytest.approx((2.0, 0.1 - 0.684 / 0.8))
 
 
 @pytest.mark.parametrize("name", ["tauv", "remus100"])

@@ -88,8 +88,8 @@ def test_pitch_moment_at_an_angle_of_attack(tauv: Vehicle) -> None:
     munk = (tauv.added_mass.x_udot - tauv.added_mass.z_wdot) * u * w
     fin = 0.5 * density * speed**2 * fins.area * 2.0 * (fins.lift_slope + fins.zero_lift_drag) * angle
     by_hand = munk + fins.position_x * fin + hull.centre_of_pressure_x * hull.lift * u * w
-    plane = hull_wrench(tauv, SCALAR)(u, 0.0, w, 0.0, 0.0, 0.0)[4]
-    tail = fin_wrench(tauv, SCALAR)(u, 0.0, w, 0.0, 0.0, 0.0, (0.0,) * 4)[4]
+    plane = hull_wrench(tauv, SCALAR)((u, 0.0, w, 0.0, 0.0, 0.0))[4]
+    tail = fin_wrench(tauv, SCALAR)((u, 0.0, w, 0.0, 0.0, 0.0), (0.0,) * 4)[4]
     assert munk + plane + tail == pytest.approx(by_hand, rel=0.05)
     # weathercock balance: the fins make good about half of what the Munk moment upsets
     assert 0.3 < -fins.position_x * fin / munk < 0.7
@@ -100,7 +100,7 @@ def test_fins_steer_the_way_they_should(tauv: Vehicle) -> None:
     wrench = fin_wrench(tauv, SCALAR)
     still = (2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for index, entries in enumerate(({"roll_rad": 0.05}, {"pitch_rad": 0.05}, {"yaw_rad": 0.05})):
-        moments = np.array(wrench(*still, tuple(fins_of(tauv, **entries).tolist()))[3:])
+        moments = np.array(wrench(still, fins_of(tauv, **entries).tolist())[3:])
         assert moments[index] > 1.0
         assert np.abs(np.delete(moments, index)).max() < 1e-9
 

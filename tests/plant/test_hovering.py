@@ -27,11 +27,9 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
-from bottomlock.plant.autopilot import Motion, Wanted
-from bottomlock.plant.equations import acceleration
+from bottomlock.plant.autopilot import Motion, Wanted, thruster_steering
+from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
-from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
-from bottomlock.plant.model import thruster_steering
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import check_stability, start_state
 from bottomlock.plant.vehicle_file import parse_vehicle
@@ -148,13 +146,13 @@ def test_commands_and_anti_windup_by_hand() -> None:
     """At rest, 10 m/s ahead wanted: 80 N, the limit, 28.28 N a thruster, lagged by 0.15 s; integrals driven back."""
     steer = thruster_steering(ROV, SCALAR, 0.0)
     rest = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 20.0, 0.0, (0.0, 0.0, 0.0), 0.0)
-    rates = steer([0.0] * 14, rest, Wanted(0.0, 0.0, 10.0, 20.0, 0.0))
+    rates = steer([0.0] * 14, rest, Wanted((0.0, 0.0, 10.0), 20.0, 0.0))
     each = 80.0 / (4.0 * math.sqrt(0.5)) / 0.15
     assert rates[:8] == pytest.approx([each, each, -each, -each, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
     # 60 N s/m by 10 m/s are 600 N of which 80 are given: 10 - (600 - 80) / (1 s 60 N/m)
     assert rates[8:] == pytest.approx([10.0 - 520.0 / 60.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
     # to starboard, and 3 rad to turn: 80 N, and 10 N m, the limit, over four arms of 0.1888 m; 41.5 N are cut to 40
-    rates = steer([0.0] * 14, rest._replace(yaw=-3.0), Wanted(0.5 * math.pi - 3.0, 0.0, 10.0, 20.0, 0.0))
+    rates = steer([0.0] * 14, rest._replace(yaw=-3.0), Wanted((0.5 * math.pi - 3.0, 0.0, 10.0), 20.0, 0.0))
     turn = 10.0 / (4.0 * 0.1888) / 0.15
     cut = 40.0 / 0.15
     assert rates[:4] == pytest.approx([-cut, cut, -each + turn, each - turn], rel=1e-3)

@@ -11,15 +11,17 @@ from hypothesis.extra import numpy as hnp
 from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import (
     acceleration,
+    added_mass_matrix,
     fin_wrench,
     hull_wrench,
     lift_and_drag,
     propeller_wrench,
+    rigid_body_mass_matrix,
+    rotation_t_p,
     to_platform,
     to_tangent,
 )
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
-from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix, rotation_t_p
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,
@@ -64,7 +66,7 @@ def test_hull_damping_matrix_is_symmetric_and_never_negative(name: str, nu: Floa
     matrix = hull_damping_matrix(VEHICLES[name], nu)
     assert np.allclose(matrix, matrix.T)
     assert np.linalg.eigvalsh(matrix).min() >= -1e-9 * max(1.0, float(np.abs(matrix).max()))
-    wrench = np.array(hull_wrench(VEHICLES[name], SCALAR)(*nu.tolist()))
+    wrench = np.array(hull_wrench(VEHICLES[name], SCALAR)(tuple(nu.tolist())))
     assert np.allclose(-matrix @ nu, wrench, atol=1e-9 * max(1.0, float(np.abs(wrench).max())))
 
 
@@ -75,7 +77,7 @@ def test_components_equal_the_vectorial_form(
     """M nu' = tau - C_RB nu - C_A nu - D nu - g, with matrices built apart from the components."""
     vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
     thrust, torque = propeller_wrench(vehicle)(float(nu[0]), shaft)
-    tau = np.array(fin_wrench(vehicle, SCALAR)(*nu.tolist(), tuple(fins.tolist())))
+    tau = np.array(fin_wrench(vehicle, SCALAR)(tuple(nu.tolist()), fins.tolist()))
     tau += np.array([thrust, 0.0, 0.0, torque, 0.0, 0.0])
     tau -= hull_damping_matrix(vehicle, nu) @ nu
     tau -= (rigid_body_coriolis_matrix(vehicle, nu) + added_mass_coriolis_matrix(vehicle, nu)) @ nu

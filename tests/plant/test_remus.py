@@ -12,9 +12,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import acceleration, propeller_wrench
+from bottomlock.plant.equations import (
+    acceleration,
+    added_mass_matrix,
+    propeller_wrench,
+    rigid_body_mass_matrix,
+)
 from bottomlock.plant.maths import SCALAR, FloatArray
-from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import trim
 from tests.oracle import mss_remus

@@ -1,19 +1,20 @@
-"""Four PID controllers (roll, pitch, yaw, speed) as differential equations, the mixing to the fins, and their servos.
+"""The controllers as differential equations, the mixing to the actuators, and their servos.
 
-The integrators and derivative filters are states of the vehicle's equations, so that the commands are continuous in
-time and the truth is smooth between the IMU's samples.
+A vehicle with fins has four (roll, pitch, yaw, speed), one with thrusters six. The integrators and derivative filters
+are states of the vehicle's equations, so that the commands are continuous in time and the truth is smooth between the
+IMU's samples.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import Generic, NamedTuple, Self, TypeAlias
+from typing import Generic, NamedTuple, TypeAlias
 
 import numpy as np
 
-from bottomlock.plant.equations import Four, Three
-from bottomlock.plant.guidance import depth_by_pitch
-from bottomlock.plant.maths import FloatArray, Maths, Number
+from bottomlock.plant.guidance import Course, depth_by_pitch
+from bottomlock.plant.hovering_vehicle import AnglePid, HoveringVehicle, VelocityPi
+from bottomlock.plant.maths import FloatArray, Maths, Number, Three
 from bottomlock.plant.vehicle import AttitudePid, SpeedPid, Vehicle
 
 
@@ -23,56 +24,6 @@ class StuckFin:
 
     fin: int
     angle_rad: float
-
-
-def fin_servo(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number, Number], Number]:
-    """Build the rate of a fin (rad/s) from its command and its angle (rad).
-
-    The command is clipped, then lagged, then rate-limited.
-    """
-    servo = vehicle.fin_actuator
-    limit, rate, corner = servo.max_deflection, servo.max_rate, 1.0 / servo.time_constant
-    clip = maths.clip
-
-    def motion(command: Number, angle: Number) -> Number:
-        return clip(corner * (clip(command, -limit, limit) - angle), -rate, rate)
-
-    return motion
-
-
-def thruster(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number, Number], Number]:
-    """Build the shaft's acceleration (rev/s²) from the commanded and the actual shaft speed (rev/s)."""
-    prop = vehicle.propeller
-    limit, rate, corner = prop.max_speed, prop.max_acceleration, 1.0 / prop.time_constant
-    clip = maths.clip
-
-    def motion(command: Number, shaft: Number) -> Number:
-        return clip(corner * (clip(command, -limit, limit) - shaft), -rate, rate)
-
-    return motion
-
-
-def actuator_rates(
-    vehicle: Vehicle, maths: Maths[Number], stuck: StuckFin | None
-) -> Callable[[Four[Number], Four[Number], Number, Number], tuple[list[Number], Number]]:
-    """Build the rates of all actuators.
-
-    The function takes the fin commands and fin angles (rad) and the commanded and actual shaft speed (rev/s), and
-    returns the fin rates (rad/s) and the shaft's acceleration (rev/s²). A stuck fin is held at its angle by a fast lag.
-    """
-    servo, motor = fin_servo(vehicle, maths), thruster(vehicle, maths)
-    index = stuck.fin - 1 if stuck is not None else -1
-    angle_rad = stuck.angle_rad if stuck is not None else 0.0
-
-    def rates(
-        commands: Four[Number], angles: Four[Number], shaft_command: Number, shaft: Number
-    ) -> tuple[list[Number], Number]:
-        fin_rates = [servo(command, angle) for command, angle in zip(commands, angles, strict=True)]
-        if index >= 0:
-            fin_rates[index] = 50.0 * (angle_rad - angles[index])
-        return fin_rates, motor(shaft_command, shaft)
-
-    return rates
 
 
 class Motion(NamedTuple, Generic[Number]):
@@ -90,16 +41,14 @@ class Motion(NamedTuple, Generic[Number]):
     speed: Number
     depth: Number
     sink: Number
-    rates: tuple[Number, Number, Number]
+    rates: Three[Number]
     surge_rate: Number
 
 
 class Wanted(NamedTuple, Generic[Number]):
-    """What guidance wants: course (rad), its rate (rad/s), speed over ground (m/s), depth (m) and sink rate (m/s)."""
+    """What guidance wants: course with its rate and speed over ground, depth (m) and sink rate (m/s)."""
 
-    course: Number
-    course_rate: Number
-    speed: Number
+    course: Course[Number]
     depth: Number
     sink: Number
 
@@ -108,170 +57,149 @@ Steer: TypeAlias = Callable[[Sequence[Number], Motion[Number], Wanted[Number]], 
 """The rates of actuators and controllers from their state, the motion and what is wanted."""
 
 
+def servo(
+    limit: float, greatest_rate: float, time_constant_s: float, maths: Maths[Number]
+) -> Callable[[Number, Number], Number]:
+    """Build the rate of an actuator from its command and its state: fin (rad), shaft (rev/s) or thrust (N).
+
+    The command is clipped, then lagged, then rate-limited.
+    """
+    clip, corner = maths.clip, 1.0 / time_constant_s
+
+    def motion(command: Number, state: Number) -> Number:
+        return clip(corner * (clip(command, -limit, limit) - state), -greatest_rate, greatest_rate)
+
+    return motion
+
+
+def pid(
+    gains: AttitudePid | SpeedPid | VelocityPi | AnglePid, low: float, high: float, maths: Maths[Number]
+) -> Callable[..., tuple[Number, Number]]:
+    """Build one controller with its limits: (error, its derivative, its integral) -> (command, the integral's rate).
+
+    Optional are the scale of the command and a feed-forward. Anti-windup by back-calculation: the excess over the limit
+    drives the integrator back over the tracking time (Åström and Hägglund 2006).
+    """
+    proportional, integral_gain = gains.proportional, gains.integral
+    derivative = 0.0 if isinstance(gains, VelocityPi) else gains.derivative
+    bleed, clip = 1.0 / (gains.tracking_time * gains.integral), maths.clip
+
+    def control(
+        error: Number,
+        rate: Number,
+        integral: Number,
+        scale: Number | float = 1.0,
+        forward: Number | float = 0.0,
+    ) -> tuple[Number, Number]:
+        wanted = (forward + proportional * error + integral_gain * integral + derivative * rate) * scale
+        given = clip(wanted, low, high)
+        return given, error + bleed * (given - wanted) / scale
+
+    return control
+
+
+def fin_mixing(vehicle: Vehicle) -> FloatArray:
+    """Fin deflections of unit equivalent roll, pitch and yaw deflections, (4, 3).
+
+    A deflection d_i of the fin at azimuth a_i acts as d_i in roll, d_i cos a_i in pitch and d_i sin a_i in yaw (see
+    `equations`), so that the command for fin i is roll + cos a_i pitch + sin a_i yaw. For a regular cross, + or x, the
+    three columns are orthogonal.
+    """
+    return np.array([(1.0, math.cos(azimuth), math.sin(azimuth)) for azimuth in vehicle.fins.azimuth])
+
+
 def fin_steering(vehicle: Vehicle, maths: Maths[Number], stuck: StuckFin | None) -> Steer[Number]:
-    """Build the rates of fins, shaft, autopilot and guidance, in the layout of `model`."""
-    control, actuators = autopilot(vehicle, maths), actuator_rates(vehicle, maths, stuck)
-    depth_law = depth_by_pitch(vehicle, maths)
-    crab_corner = 1.0 / vehicle.guidance.crab_time_constant
-    atan2, wrap = maths.atan2, maths.wrap
+    """Build the rates of fins, shaft, autopilot and guidance, in the layout of `model`.
+
+    The gains of the fins hold at cruise speed; their forces grow with the speed squared. A stuck fin is held at its
+    angle by a fast lag.
+    """
+    pilot, limits, fin, prop = vehicle.autopilot, vehicle.limits, vehicle.fin_actuator, vehicle.propeller
+    roll_pid, pitch_pid, yaw_pid = (
+        pid(gains, -gains.limit, gains.limit, maths) for gains in (pilot.roll, pilot.pitch, pilot.yaw)
+    )
+    speed_pid, forward = pid(pilot.speed, 0.0, prop.max_speed, maths), pilot.speed.feed_forward
+    roll_corner, pitch_corner, yaw_corner, speed_corner = (
+        1.0 / gains.derivative_filter for gains in (pilot.roll, pilot.pitch, pilot.yaw, pilot.speed)
+    )
+    fin_servo = servo(fin.max_deflection, fin.max_rate, fin.time_constant, maths)
+    motor = servo(prop.max_speed, prop.max_acceleration, prop.time_constant, maths)
+    mixing = [(float(c), float(s)) for _, c, s in fin_mixing(vehicle)]
+    depth_law, crab_corner = depth_by_pitch(vehicle, maths), 1.0 / vehicle.guidance.crab_time_constant
+    cruise, slowest, fastest = limits.cruise_speed, limits.min_speed, limits.max_speed
+    clip, atan2, wrap = maths.clip, maths.atan2, maths.wrap
 
     def steer(own: Sequence[Number], motion: Motion[Number], wanted: Wanted[Number]) -> list[Number]:
-        fin1, fin2, fin3, fin4, shaft = own[:5]
-        memory, crab, depth_i = own[5:13], own[13], own[14]
+        fins, shaft, (roll_i, roll_f, pitch_i, pitch_f, yaw_i, yaw_f) = own[:4], own[4], own[5:11]
+        speed_i, speed_f, crab, depth_i = own[11:]
         p, q, r = motion.rates
-        pitch_wanted, depth_i_dot = depth_law(wanted.depth, wanted.sink, motion.depth, motion.speed, depth_i)
-        fin_commands, shaft_command, memory_dot = control(
-            (-motion.roll, pitch_wanted - motion.pitch, wrap(wanted.course - crab - motion.yaw)),
-            (-p, -q, wanted.course_rate - r),
-            (wanted.speed, wanted.speed - motion.speed, -motion.surge_rate),
-            motion.ahead,
-            memory,
-        )
-        fin_rates, shaft_rate = actuators(fin_commands, (fin1, fin2, fin3, fin4), shaft_command, shaft)
-        crab_dot = crab_corner * (atan2(motion.starboard, motion.ahead) - crab)
-        return list(chain(fin_rates, (shaft_rate,), memory_dot, (crab_dot, depth_i_dot)))
+        (course, course_rate, speed), depth, sink = wanted
+        pitch, depth_rate = depth_law(depth, sink, motion.depth, motion.speed, depth_i)
+        scheduled = clip(motion.ahead, slowest, fastest)
+        scale = cruise * cruise / (scheduled * scheduled)
+        roll_fin, roll_rate = roll_pid(-motion.roll, roll_f, roll_i, scale)
+        pitch_fin, pitch_rate = pitch_pid(pitch - motion.pitch, pitch_f, pitch_i, scale)
+        yaw_fin, yaw_rate = yaw_pid(wrap(course - crab - motion.yaw), yaw_f, yaw_i, scale)
+        revolutions, speed_rate = speed_pid(speed - motion.speed, speed_f, speed_i, 1.0, forward * speed)
+        fin_rates: list[Number] = [
+            fin_servo(roll_fin + c * pitch_fin + s * yaw_fin, angle)
+            for (c, s), angle in zip(mixing, fins, strict=True)
+        ]
+        if stuck is not None:
+            fin_rates[stuck.fin - 1] = 50.0 * (stuck.angle_rad - fins[stuck.fin - 1])
+        return fin_rates + [  # noqa: RUF005 - mypy cannot type an unpacked list of Number
+            motor(revolutions, shaft),
+            roll_rate, roll_corner * (-p - roll_f), pitch_rate, pitch_corner * (-q - pitch_f),
+            yaw_rate, yaw_corner * (course_rate - r - yaw_f),
+            speed_rate, speed_corner * (-motion.surge_rate - speed_f),
+            crab_corner * (atan2(motion.starboard, motion.ahead) - crab), depth_rate,
+        ]  # fmt: skip
 
     return steer
 
 
-def attitude_pid(
-    gains: AttitudePid, maths: Maths[Number]
-) -> Callable[[Number, Number, Number, Number, Number], tuple[Number, Number, Number]]:
-    """Build one attitude controller.
+def thruster_steering(
+    vehicle: HoveringVehicle, maths: Maths[Number], heading_rad: float | None
+) -> Steer[Number]:
+    """Build the rates of thrusts and integrals; without a heading the vehicle points along its path.
 
-    The function takes the error (rad), the rate error (rad/s), the integral (rad s), the filtered rate error (rad/s)
-    and the scale (cruise speed / speed)², and returns the equivalent fin angle (rad) and the derivatives of the two
-    states. Anti-windup by back-calculation: the excess over the limit drives the integrator back over the tracking
-    time (Åström and Hägglund 2006).
+    The velocity along the course is controlled ahead and to starboard; depth by heave; roll and pitch to level. The six
+    forces and moments are allocated to the thrusters by least squares (Fossen 2011, section 12.3).
     """
-    proportional, integral_gain, derivative = gains.proportional, gains.integral, gains.derivative
-    limit, bleed, corner = (
-        gains.limit,
-        1.0 / (gains.tracking_time * gains.integral),
-        1.0 / gains.derivative_filter,
-    )
-    clip = maths.clip
+    drives = vehicle.thrusters
+    laws: list[Callable[..., tuple[Number, Number]]] = [
+        pid(gains, -gains.limit, gains.limit, maths) for gains in vehicle.autopilot.axes()
+    ]
+    allocation = np.linalg.pinv(drives.wrenches()).tolist()
+    count, push = len(allocation), servo(drives.max_thrust, math.inf, drives.time_constant, maths)
+    depth_gain = vehicle.guidance.depth_gain
+    sin, cos, wrap = maths.sin, maths.cos, maths.wrap
 
-    def control(
-        error: Number, rate: Number, integral: Number, filtered: Number, scale: Number
-    ) -> tuple[Number, Number, Number]:
-        wanted = (proportional * error + integral_gain * integral + derivative * filtered) * scale
-        given = clip(wanted, -limit, limit)
-        return given, error + bleed * (given - wanted) / scale, corner * (rate - filtered)
+    def steer(own: Sequence[Number], motion: Motion[Number], wanted: Wanted[Number]) -> list[Number]:
+        thrusts, integrals = own[:count], own[count:]
+        p, q, r = motion.rates
+        course, course_rate, speed = wanted.course
+        off_course = course - motion.yaw
+        ahead = speed * cos(off_course) - motion.ahead
+        beside = speed * sin(off_course) - motion.starboard
+        heave = wanted.sink + depth_gain * (wanted.depth - motion.depth) - motion.sink
+        if heading_rad is None:
+            turn, turn_rate = wrap(off_course), course_rate - r
+        else:
+            turn, turn_rate = wrap(heading_rad - motion.yaw), -r
+        errors = (ahead, beside, heave, -motion.roll, -motion.pitch, turn)
+        zero = 0.0 * ahead
+        error_rates = (zero, zero, zero, -p, -q, turn_rate)
+        given: list[tuple[Number, Number]] = [
+            law(error, rate, integral)
+            for law, error, rate, integral in zip(laws, errors, error_rates, integrals, strict=True)
+        ]
+        commands: list[Number] = [
+            sum(k * force for k, (force, _) in zip(row, given, strict=True)) for row in allocation
+        ]
+        rates: list[Number] = [
+            push(command, thrust) for command, thrust in zip(commands, thrusts, strict=True)
+        ]
+        return rates + [rate for _, rate in given]
 
-    return control
-
-
-def speed_pid(
-    gains: SpeedPid, max_shaft: float, maths: Maths[Number]
-) -> Callable[[Number, Number, Number, Number, Number], tuple[Number, Number, Number]]:
-    """Build the speed controller.
-
-    The function takes the wanted speed (m/s), the speed error (m/s), the acceleration error (m/s²), the integral (m)
-    and the filtered acceleration error (m/s²), and returns the shaft speed (rev/s) and the derivatives of the two
-    states.
-    """
-    forward, proportional, integral_gain = gains.feed_forward, gains.proportional, gains.integral
-    derivative, corner = gains.derivative, 1.0 / gains.derivative_filter
-    bleed = 1.0 / (gains.tracking_time * gains.integral)
-    clip = maths.clip
-
-    def control(
-        wanted: Number, error: Number, rate: Number, integral: Number, filtered: Number
-    ) -> tuple[Number, Number, Number]:
-        shaft = forward * wanted + proportional * error + integral_gain * integral + derivative * filtered
-        given = clip(shaft, 0.0, max_shaft)
-        return given, error + bleed * (given - shaft), corner * (rate - filtered)
-
-    return control
-
-
-@dataclass(frozen=True)
-class Mixer:
-    """Equivalent roll, pitch and yaw deflections to fins, and back.
-
-    A deflection d_i of the fin at azimuth a_i acts as d_i in roll, d_i cos a_i in pitch and d_i sin a_i in yaw (see
-    `fins`), so that the command for fin i is roll + cos a_i pitch + sin a_i yaw. For a regular cross, + or x, the three
-    columns are orthogonal and the inverse is the least-squares one.
-    """
-
-    columns: FloatArray
-
-    @classmethod
-    def of(cls, vehicle: Vehicle) -> Self:
-        """The mixer of a vehicle's fins."""
-        azimuth = np.asarray(vehicle.fins.azimuth)
-        return cls(np.stack([np.ones_like(azimuth), np.cos(azimuth), np.sin(azimuth)], axis=1))
-
-    def fins_rad(self, modes_rad: FloatArray) -> FloatArray:
-        """Fin deflections (..., 4) from equivalent roll, pitch and yaw deflections (..., 3), rad."""
-        return np.asarray(modes_rad @ self.columns.T)
-
-    def modes_rad(self, fins_rad: FloatArray) -> FloatArray:
-        """Equivalent roll, pitch and yaw deflections (..., 3) from fin deflections (..., 4), rad."""
-        return np.asarray(fins_rad @ np.linalg.pinv(self.columns).T)
-
-
-def fin_commands(vehicle: Vehicle) -> Callable[[Number, Number, Number], Four[Number]]:
-    """Build the mixer on components: (roll, pitch, yaw) equivalent deflections to four fin commands, rad."""
-    (_, c0, s0), (_, c1, s1), (_, c2, s2), (_, c3, s3) = (
-        tuple(float(value) for value in row) for row in Mixer.of(vehicle).columns
-    )
-
-    def mix(roll: Number, pitch: Number, yaw: Number) -> Four[Number]:
-        return (
-            roll + c0 * pitch + s0 * yaw,
-            roll + c1 * pitch + s1 * yaw,
-            roll + c2 * pitch + s2 * yaw,
-            roll + c3 * pitch + s3 * yaw,
-        )
-
-    return mix
-
-
-Memory: TypeAlias = Sequence[Number]
-"""Integral and filtered rate error of roll, pitch, yaw and speed, (8,)."""
-
-
-def autopilot(
-    vehicle: Vehicle, maths: Maths[Number]
-) -> Callable[
-    [Three[Number], Three[Number], Three[Number], Number, Memory[Number]],
-    tuple[Four[Number], Number, tuple[Number, ...]],
-]:
-    """Build all four controllers.
-
-    The function takes the errors of roll, pitch and heading (rad), their rate errors (rad/s), the wanted speed, its
-    error and the acceleration error (m/s, m/s, m/s²), the speed ahead (m/s) and the memory (8,). It returns the fin
-    commands (rad), the shaft command (rev/s) and the derivative of the memory (8,).
-    """
-    pilot, limits = vehicle.autopilot, vehicle.limits
-    roll_pid, pitch_pid, yaw_pid = (
-        attitude_pid(gains, maths) for gains in (pilot.roll, pilot.pitch, pilot.yaw)
-    )
-    speed_law = speed_pid(pilot.speed, vehicle.propeller.max_speed, maths)
-    mix: Callable[[Number, Number, Number], Four[Number]] = fin_commands(vehicle)
-    cruise, slowest, fastest = limits.cruise_speed, limits.min_speed, limits.max_speed
-    clip = maths.clip
-
-    def control(
-        errors: Three[Number],
-        rate_errors: Three[Number],
-        speed: Three[Number],
-        ahead: Number,
-        memory: Memory[Number],
-    ) -> tuple[Four[Number], Number, tuple[Number, ...]]:
-        roll_i, roll_f, pitch_i, pitch_f, yaw_i, yaw_f, speed_i, speed_f = memory
-        # the gains hold at cruise speed; fin forces grow with the speed squared
-        scheduled = clip(ahead, slowest, fastest)
-        scale = cruise * cruise / (scheduled * scheduled)
-        roll_fin, roll_i_dot, roll_f_dot = roll_pid(errors[0], rate_errors[0], roll_i, roll_f, scale)
-        pitch_fin, pitch_i_dot, pitch_f_dot = pitch_pid(errors[1], rate_errors[1], pitch_i, pitch_f, scale)
-        yaw_fin, yaw_i_dot, yaw_f_dot = yaw_pid(errors[2], rate_errors[2], yaw_i, yaw_f, scale)
-        shaft, speed_i_dot, speed_f_dot = speed_law(*speed, speed_i, speed_f)
-        memory_dot = (
-            roll_i_dot, roll_f_dot, pitch_i_dot, pitch_f_dot, yaw_i_dot, yaw_f_dot, speed_i_dot, speed_f_dot,
-        )  # fmt: skip
-        return mix(roll_fin, pitch_fin, yaw_fin), shaft, memory_dot
-
-    return control
+    return steer

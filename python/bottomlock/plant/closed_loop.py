@@ -19,19 +19,13 @@ from bottomlock.plant.guidance import offset_and_heading
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
-from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import (
-    TICK_S,
-    attitude_by_rates,
-    hermite,
-    next_segment,
-    runge_kutta_step,
-    sample_times_ns,
-)
+from bottomlock.plant.path import guide_rows, next_segment
+from bottomlock.plant.swim import TICK_S, sampled, stepper
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.truth import inertial_measurements
 from bottomlock.truth.ellipsoid import EllipsoidPath
+from bottomlock.truth.truth import sample_times_ns
 
 
 @dataclass(frozen=True)
@@ -134,8 +128,7 @@ class VehicleGroup:
         self._time_ns = sample_times_ns(steps * self._step_s, imu_rate_hz)
         self._accelerations = model.accelerations(vehicle, gravity_mps2)
         self._rates = model.derivative(vehicle, mission, ARRAY, gravity_mps2)
-        self._advance = runge_kutta_step(self._rates, ARRAY, self._step_s)
-        self._renew = attitude_by_rates(ARRAY, self._step_s)
+        self._advance = stepper(self._rates, ARRAY, self._step_s)
         start = start_state(vehicle, mission, gravity_mps2)
         self._state = [np.full(runs, value) for value in start]
         self._guides = guide_rows(mission.segments)
@@ -173,21 +166,20 @@ class VehicleGroup:
         self._select_segments()
         segment = tuple(self._segments[self._index].T)
         error = tuple(self._error.T)
-        first_sample = self._step * self._parts
-        pieces = []
-        first = self._rates(self._state, self._rows[2 * self._step], segment, error)  # type: ignore[arg-type]
+        first_sample = self._step * self._parts + 1
+        state = self._state
+        derivative = self._rates(state, self._rows[2 * self._step], segment, error)  # type: ignore[arg-type]
+        states, derivatives = [state], [derivative]
         for _ in range(self._steps_per_tick):
             middle, end = self._rows[2 * self._step + 1], self._rows[2 * self._step + 2]
-            after = self._advance(self._state, first, middle, end, segment, error)  # type: ignore[arg-type]
-            last = self._rates(after, end, segment, error)  # type: ignore[arg-type]
-            self._renew(self._state, first, after, last)
-            ends = [np.stack(values, axis=1)[None] for values in (self._state, first, after, last)]
-            pieces.append(hermite(ends[0], ends[1], ends[2], ends[3], self._step_s, self._parts)[0])
-            self._state, first = after, last
+            state, derivative = self._advance(state, derivative, middle, end, segment, error)  # type: ignore[arg-type]
+            states.append(state)
+            derivatives.append(derivative)
             self._step += 1
-        samples = np.concatenate([*pieces, self.state[None]])[1:]
-        samples[..., model.ATTITUDE] /= np.linalg.norm(samples[..., model.ATTITUDE], axis=-1, keepdims=True)
-        return self._block(np.moveaxis(samples, 0, 1), first_sample + 1)
+        self._state = state
+        joints, slopes = (np.moveaxis(np.array(values), 2, 1) for values in (states, derivatives))
+        samples = sampled(joints, slopes, self._step_s, self._parts)[1:]
+        return self._block(np.moveaxis(samples, 0, 1), first_sample)
 
     def _select_segments(self) -> None:
         estimated = self.state[:, :2] - self._error[:, :2]

@@ -2,7 +2,7 @@
 
 M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an irrotational current),
 in the platform frame with its origin at the centre of buoyancy. The Earth's rotation is neglected in the forces; it
-enters the ideal sensors (`truth.inertial_measurements`).
+enters the ideal sensors (`truth.inertial_measurements`). M_RB and M_A: Fossen 2021, chapters 3 and 6.
 
 Fin i stands at r_i = (x, R cos a, R sin a), a from starboard towards down; its normal is n_i = (0, -sin a, cos a). A
 positive deflection turns the leading edge towards n_i and pushes the fin along n_i, so equal deflections roll the
@@ -19,14 +19,54 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
-from bottomlock.plant.maths import FloatArray, Maths, Number
-from bottomlock.plant.matrices import added_mass_matrix, centre_of_gravity_p_m, rigid_body_mass_matrix
+from bottomlock.plant.maths import FloatArray, Four, Maths, Number, Six, Three
 from bottomlock.plant.vehicle import Hull, Vehicle
 
-Wrench: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
-Strip: TypeAlias = tuple[float, float]
+Forces: TypeAlias = Callable[[Six[Number], Sequence[Number]], Six[Number]]
+"""Force and moment (X, Y, Z, K, M, N), N and N m, from nu relative to the water (m/s, rad/s) and the actuators."""
 
 STRIPS = 6
+
+
+def skew(vector: FloatArray) -> FloatArray:
+    """S(a) with S(a) b = a x b, shape (3, 3)."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def centre_of_gravity_p_m(vehicle: AnyVehicle) -> FloatArray:
+    """r_g from the centre of buoyancy, platform frame, m."""
+    body = vehicle.rigid_body
+    return np.array([body.centre_of_gravity_x, body.centre_of_gravity_y, body.centre_of_gravity_z])
+
+
+def rigid_body_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
+    """M_RB about the centre of buoyancy, shape (6, 6); Fossen 2021, chapter 3."""
+    body = vehicle.rigid_body
+    coupling = body.mass * skew(centre_of_gravity_p_m(vehicle))
+    inertia = np.diag([body.inertia_xx, body.inertia_yy, body.inertia_zz])
+    return np.block([[body.mass * np.eye(3), -coupling], [coupling, inertia]])
+
+
+def added_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
+    """M_A, shape (6, 6), symmetric, of a body with two planes of symmetry; Fossen 2021, chapter 6."""
+    added = vehicle.added_mass
+    matrix = -np.diag([added.x_udot, added.y_vdot, added.z_wdot, added.k_pdot, added.m_qdot, added.n_rdot])
+    matrix[1, 5] = matrix[5, 1] = -added.y_rdot
+    matrix[2, 4] = matrix[4, 2] = -added.z_qdot
+    return matrix
+
+
+def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
+    """Rotation matrix of a unit quaternion (scalar first): platform vectors to tangent."""
+    w, x, y, z = quaternion_t_p
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
@@ -49,7 +89,7 @@ def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:
     return np.where(inside, np.maximum(np.where(x < nose, nose_radius, tail_radius), 0.0), 0.0)
 
 
-def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
+def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[tuple[float, float]]:
     """Gauss-Legendre strips along the hull: (station x m, drag weight rho/2 Cd d dx in kg/m).
 
     The weights contain the hull's diameter along Myring's shape, scaled so that the total is that of the exact plan
@@ -67,12 +107,8 @@ def cross_flow_strips(vehicle: Vehicle, count: int = STRIPS) -> list[Strip]:
     return [(float(x), float(k)) for x, k in zip(stations, drag, strict=True)]
 
 
-def hull_wrench(
-    vehicle: Vehicle, maths: Maths[Number]
-) -> Callable[[Number, Number, Number, Number, Number, Number], Wrench[Number]]:
-    """Build the hull's damping wrench as a function of velocity relative to the water.
-
-    The function takes (u, v, w, p, q, r) in the platform frame (m/s, rad/s) and returns (X, Y, Z, K, M, N) in N, N m.
+def hull_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Six[Number]], Six[Number]]:
+    """Build the hull's damping (X, Y, Z, K, M, N), N and N m, from nu relative to the water (m/s, rad/s).
 
     Source: axial drag, Prestero 2001, Eq. 4.5; body lift, Eqs. 4.33 to 4.36, with the inflow at the centre of pressure;
     cross-flow drag by strips, Eq. 4.8 and MSS crossFlowDrag.m, with the resultant cross flow.
@@ -80,10 +116,10 @@ def hull_wrench(
     hull = vehicle.hull
     axial, lift, arm, roll = hull.axial_drag, hull.lift, hull.centre_of_pressure_x, hull.roll_drag
     pitch_drag, yaw_drag = hull.pitch_drag, hull.yaw_drag
-    strips = cross_flow_strips(vehicle)
-    sqrt = maths.sqrt
+    strips, sqrt = cross_flow_strips(vehicle), maths.sqrt
 
-    def wrench(u: Number, v: Number, w: Number, p: Number, q: Number, r: Number) -> Wrench[Number]:
+    def wrench(nu: Six[Number]) -> Six[Number]:
+        u, v, w, p, q, r = nu
         ahead = abs(u)
         side = -lift * ahead * (v + arm * r)
         heave = -lift * ahead * (w - arm * q)
@@ -130,12 +166,11 @@ def lift_and_drag(vehicle: Vehicle, maths: Maths[Number]) -> Callable[[Number], 
     return coefficients
 
 
-def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., Wrench[Number]]:
-    """Build the wrench of all fins.
+def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Forces[Number]:
+    """Build the force and moment of all fins; the actuators begin with their deflections (rad).
 
-    The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s) and the
-    tuple of deflections (rad), and returns (X, Y, Z, K, M, N) in N, N m. Each fin sees the inflow at its
-    own centre (Prestero 2001, Eq. 4.40, all terms kept), so fins damp yaw, pitch and roll by themselves.
+    Each fin sees the inflow at its own centre (Prestero 2001, Eq. 4.40, all terms kept), so fins damp yaw, pitch and
+    roll by themselves.
     """
     fins = vehicle.fins
     x, radius = fins.position_x, fins.centre_radius
@@ -144,20 +179,13 @@ def fin_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., Wrench[N
     coefficients = lift_and_drag(vehicle, maths)
     sqrt, atan2 = maths.sqrt, maths.atan2
 
-    def wrench(
-        u: Number,
-        v: Number,
-        w: Number,
-        p: Number,
-        q: Number,
-        r: Number,
-        deflections: tuple[Number, Number, Number, Number],
-    ) -> Wrench[Number]:
+    def wrench(nu: Six[Number], actuators: Sequence[Number]) -> Six[Number]:
+        u, v, w, p, q, r = nu
         sway = v + x * r
         heave = w - x * q
         spin = radius * p
         total_x = total_y = total_z = total_k = total_m = total_n = 0.0 * u
-        for (c, s), deflection in zip(normals, deflections, strict=True):
+        for (c, s), deflection in zip(normals, actuators[:4], strict=True):
             axial = u + radius * (s * q - c * r)
             normal = c * heave - s * sway + spin
             speed = sqrt(axial * axial + normal * normal)
@@ -198,31 +226,40 @@ def propeller_wrench(vehicle: Vehicle) -> Callable[[Number, Number], tuple[Numbe
     return wrench
 
 
-def thruster_wrench(vehicle: HoveringVehicle) -> Callable[..., tuple[Number, ...]]:
-    """Build damping and thrust: (u, v, w, p, q, r, thrusts) relative to the water -> (X, Y, Z, K, M, N), N and N m.
+def swimming_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Forces[Number]:
+    """Build hull, fins and propeller together; the actuators begin with the fins (rad) and the shaft (rev/s)."""
+    hull, fins, propeller = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths), propeller_wrench(vehicle)
 
-    Each axis is damped by itself, linear and quadratic (von Benzon et al. 2022); the thrust is that at rest.
-    """
-    drag = vehicle.damping.axes()
-    rows = vehicle.thrusters.wrenches().tolist()
-    count = len(rows[0])
-
-    def wrench(
-        u: Number, v: Number, w: Number, p: Number, q: Number, r: Number, actuators: Sequence[Number]
-    ) -> tuple[Number, ...]:
-        thrusts = actuators[:count]
-        return tuple(
-            sum(k * thrust for k, thrust in zip(row, thrusts, strict=True))
-            - (linear + quadratic * abs(x)) * x
-            for row, (linear, quadratic), x in zip(rows, drag, (u, v, w, p, q, r), strict=True)
-        )
+    def wrench(nu: Six[Number], actuators: Sequence[Number]) -> Six[Number]:
+        hull_x, hull_y, hull_z, hull_k, hull_m, hull_n = hull(nu)
+        fin_x, fin_y, fin_z, fin_k, fin_m, fin_n = fins(nu, actuators)
+        thrust, torque = propeller(nu[0], actuators[4])
+        return (
+            hull_x + fin_x + thrust, hull_y + fin_y, hull_z + fin_z,
+            hull_k + fin_k + torque, hull_m + fin_m, hull_n + fin_n,
+        )  # fmt: skip
 
     return wrench
 
 
-Six: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
-Three: TypeAlias = tuple[Number, Number, Number]
-Four: TypeAlias = tuple[Number, Number, Number, Number]
+def thruster_wrench(vehicle: HoveringVehicle) -> Forces[Number]:
+    """Build damping and thrust; the actuators begin with the thrusts (N).
+
+    Each axis is damped by itself, linear and quadratic (von Benzon et al. 2022); the thrust is that at rest.
+    """
+    drag, rows = vehicle.damping.axes(), vehicle.thrusters.wrenches().tolist()
+    count = len(rows[0])
+
+    def wrench(nu: Six[Number], actuators: Sequence[Number]) -> Six[Number]:
+        thrusts = actuators[:count]
+        x, y, z, k, m, n = [
+            sum(part * thrust for part, thrust in zip(row, thrusts, strict=True))
+            - (linear + quadratic * abs(rate)) * rate
+            for row, (linear, quadratic), rate in zip(rows, drag, nu, strict=True)
+        ]
+        return x, y, z, k, m, n
+
+    return wrench
 
 
 def to_platform(
@@ -246,38 +283,36 @@ def to_tangent(
     return a + q0 * x + q2 * z - q3 * y, b + q0 * y + q3 * x - q1 * z, c + q0 * z + q1 * y - q2 * x
 
 
-def coriolis_terms(vehicle: AnyVehicle) -> Callable[..., tuple[Three[Number], ...]]:
-    """Build C(nu_r) nu_r, as the five groups of products in which the equations of motion add it up.
+def coriolis_wrench(vehicle: AnyVehicle) -> Callable[[Six[Number]], Six[Number]]:
+    """Build C(nu_r) nu_r of body and added mass, N and N m, from nu relative to the water (m/s, rad/s).
 
-    The function takes (u, v, w, p, q, r) relative to the water in the platform frame (m/s, rad/s). It returns the
-    force of the body (omega x velocity of the centre of gravity), the force of the added mass, and the moments of the
-    angular momentum, of the added mass's linear momentum and of the centre of gravity, each (3,) in N or N m.
+    With linear and angular momentum (l, h) = M nu_r it is (omega x l, omega x h + v x l).
+
+    Source: Fossen 2021, Theorem 3.2, as MSS m2c.m.
     """
-    body = vehicle.rigid_body
-    mass = body.mass
-    xg, yg, zg = (float(value) for value in centre_of_gravity_p_m(vehicle))
-    ixx, iyy, izz = body.inertia_xx, body.inertia_yy, body.inertia_zz
-    added = added_mass_matrix(vehicle)
-    a11, a22, a33, a44, a55, a66 = (float(value) for value in np.diag(added))
-    a26, a35 = float(added[1, 5]), float(added[2, 4])
+    times_mass = linear_map(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle))
 
-    def terms(u: Number, v: Number, w: Number, p: Number, q: Number, r: Number) -> tuple[Three[Number], ...]:
-        # momentum of the added mass: linear l, angular h
-        lx, ly, lz = a11 * u, a22 * v + a26 * r, a33 * w + a35 * q
-        hx, hy, hz = a44 * p, a35 * w + a55 * q, a26 * v + a66 * r
-        # velocity of the centre of gravity
-        gx, gy, gz = u + q * zg - r * yg, v + r * xg - p * zg, w + p * yg - q * xg
-        ox, oy, oz = mass * (q * w - r * v), mass * (r * u - p * w), mass * (p * v - q * u)
-        jx, jy, jz = hx + ixx * p, hy + iyy * q, hz + izz * r
+    def wrench(nu: Six[Number]) -> Six[Number]:
+        u, v, w, p, q, r = nu
+        lx, ly, lz, hx, hy, hz = times_mass(nu)
         return (
-            (mass * (q * gz - r * gy), mass * (r * gx - p * gz), mass * (p * gy - q * gx)),
-            (q * lz - r * ly, r * lx - p * lz, p * ly - q * lx),
-            (q * jz - r * jy, r * jx - p * jz, p * jy - q * jx),
-            (v * lz - w * ly, w * lx - u * lz, u * ly - v * lx),
-            (yg * oz - zg * oy, zg * ox - xg * oz, xg * oy - yg * ox),
-        )
+            q * lz - r * ly, r * lx - p * lz, p * ly - q * lx,
+            q * hz - r * hy + v * lz - w * ly, r * hx - p * hz + w * lx - u * lz, p * hy - q * hx + u * ly - v * lx,
+        )  # fmt: skip
 
-    return terms
+    return wrench
+
+
+def linear_map(matrix: FloatArray) -> Callable[[Six[Number]], Six[Number]]:
+    """Build the product of a matrix (6, 6) with six components."""
+    rows = [tuple(float(value) for value in row) for row in matrix]
+
+    def product(six: Six[Number]) -> Six[Number]:
+        u, v, w, p, q, r = six
+        x, y, z, k, m, n = [a * u + b * v + c * w + d * p + e * q + f * r for a, b, c, d, e, f in rows]
+        return x, y, z, k, m, n
+
+    return product
 
 
 def restoring_wrench(vehicle: AnyVehicle, gravity_mps2: float) -> Callable[[Four[Number]], Six[Number]]:
@@ -301,29 +336,6 @@ def restoring_wrench(vehicle: AnyVehicle, gravity_mps2: float) -> Callable[[Four
     return wrench
 
 
-def fin_and_hull_wrench(vehicle: Vehicle, maths: Maths[Number]) -> Callable[..., tuple[Number, ...]]:
-    """Build hull, fins and propeller: (u, v, w, p, q, r, actuators) relative to the water -> (X, Y, Z, K, M, N).
-
-    The actuators begin with the deflections of the fins (rad) and the shaft speed (rev/s).
-    """
-    hull, fins = hull_wrench(vehicle, maths), fin_wrench(vehicle, maths)
-    propeller = propeller_wrench(vehicle)
-
-    def wrench(
-        u: Number, v: Number, w: Number, p: Number, q: Number, r: Number, actuators: Sequence[Number]
-    ) -> tuple[Number, ...]:
-        fin1, fin2, fin3, fin4, shaft = actuators[:5]
-        hull_x, hull_y, hull_z, hull_k, hull_m, hull_n = hull(u, v, w, p, q, r)
-        fin_x, fin_y, fin_z, fin_k, fin_m, fin_n = fins(u, v, w, p, q, r, (fin1, fin2, fin3, fin4))
-        thrust, torque = propeller(u, shaft)
-        return (
-            hull_x + fin_x + thrust, hull_y + fin_y, hull_z + fin_z,
-            hull_k + fin_k + torque, hull_m + fin_m, hull_n + fin_n,
-        )  # fmt: skip
-
-    return wrench
-
-
 def acceleration(
     vehicle: AnyVehicle, gravity_mps2: float, maths: Maths[Number]
 ) -> Callable[[Four[Number], Six[Number], Sequence[Number], Three[Number], Three[Number]], Six[Number]]:
@@ -334,10 +346,11 @@ def acceleration(
     velocity and acceleration of the current at the vehicle (tangent frame, m/s and m/s²; the acceleration is the rate
     of change along the vehicle's path).
     """
-    inverse = np.linalg.inv(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle))
-    rows = [tuple(float(value) for value in row) for row in inverse]
-    forces = fin_and_hull_wrench(vehicle, maths) if isinstance(vehicle, Vehicle) else thruster_wrench(vehicle)
-    coriolis, restoring = coriolis_terms(vehicle), restoring_wrench(vehicle, gravity_mps2)
+    mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)
+    over_mass = linear_map(np.asarray(np.linalg.inv(mass), dtype=np.float64))
+    forces: Forces[Number]
+    forces = swimming_wrench(vehicle, maths) if isinstance(vehicle, Vehicle) else thruster_wrench(vehicle)
+    coriolis, restoring = coriolis_wrench(vehicle), restoring_wrench(vehicle, gravity_mps2)
 
     def nu_dot(
         attitude: Four[Number],
@@ -346,23 +359,16 @@ def acceleration(
         current_velocity_n: Three[Number],
         current_accel_n: Three[Number],
     ) -> Six[Number]:
-        q0, q1, q2, q3 = attitude
         u, v, w, p, q, r = nu
-        uc, vc, wc = to_platform(q0, q1, q2, q3, *current_velocity_n)
-        u, v, w = u - uc, v - vc, w - wc
-        x, y, z, k, m, n = forces(u, v, w, p, q, r, actuators)
-        (fx, fy, fz), (lx, ly, lz), (jx, jy, jz), (mx, my, mz), (ox, oy, oz) = coriolis(u, v, w, p, q, r)
+        uc, vc, wc = to_platform(*attitude, *current_velocity_n)
+        relative = (u - uc, v - vc, w - wc, p, q, r)
+        x, y, z, k, m, n = forces(relative, actuators)
+        c_x, c_y, c_z, c_k, c_m, c_n = coriolis(relative)
         g_x, g_y, g_z, g_k, g_m, g_n = restoring(attitude)
-        tx = x - fx - lx + g_x
-        ty = y - fy - ly + g_y
-        tz = z - fz - lz + g_z
-        tk = k - jx - mx - ox + g_k
-        tm = m - jy - my - oy + g_m
-        tn = n - jz - mz - oz + g_n
-        ud, vd, wd, pd, qd, rd = [
-            m0 * tx + m1 * ty + m2 * tz + m3 * tk + m4 * tm + m5 * tn for m0, m1, m2, m3, m4, m5 in rows
-        ]
-        ax, ay, az = to_platform(q0, q1, q2, q3, *current_accel_n)
+        ud, vd, wd, pd, qd, rd = over_mass(
+            (x - c_x + g_x, y - c_y + g_y, z - c_z + g_z, k - c_k + g_k, m - c_m + g_m, n - c_n + g_n)
+        )
+        ax, ay, az = to_platform(*attitude, *current_accel_n)
         # the current in the platform frame changes as the vehicle rotates: d(R' c)/dt = R' c' - omega x R' c
         return (
             ud + ax - (q * wc - r * vc),

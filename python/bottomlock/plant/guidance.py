@@ -16,15 +16,15 @@ Segment: TypeAlias = Sequence[Number]
 """Start of the present segment (north, east, cos, sin, heading, curvature), that of the next, and the blend's length
 (m)."""
 
-Target: TypeAlias = tuple[Number, Number, Number, Number, Number]
 Course: TypeAlias = tuple[Number, Number, Number]
+"""Wanted course (rad), its rate (rad/s) and speed over ground (m/s)."""
+
+Guide: TypeAlias = Callable[[Number, Number, Segment[Number], Sequence[Number]], Course[Number]]
+"""A law: (north, east, segment, target) -> course, of a target (north, east, velocity north and east, course rate)."""
 
 
 def offset_and_heading(
-    north: Number,
-    east: Number,
-    start: tuple[Number, Number, Number, Number, Number, Number],
-    maths: Maths[Number],
+    north: Number, east: Number, start: Sequence[Number] | Sequence[float], maths: Maths[Number]
 ) -> tuple[Number, Number]:
     """Signed distance to the right of a line or arc (m), and the path's heading abeam of the vehicle (rad).
 
@@ -42,10 +42,8 @@ def offset_and_heading(
     return offset, heading + maths.atan2(forward, inward)
 
 
-def line_of_sight(
-    vehicle: AnyVehicle, speed_mps: float, maths: Maths[Number]
-) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
-    """Build line of sight: (north, east, segments, target) -> (course rad, its rate rad/s, speed m/s).
+def line_of_sight(vehicle: AnyVehicle, speed_mps: float, maths: Maths[Number]) -> Guide[Number]:
+    """Build line of sight.
 
     The courses of the present and the next segment are blended over the joint by a smooth step of the distance past
     it, so that the command is continuous and independent of the instant at which the next pair of segments is used.
@@ -53,12 +51,14 @@ def line_of_sight(
     ahead = vehicle.guidance.look_ahead
     atan2, clip, wrap = maths.atan2, maths.clip, maths.wrap
 
-    def law(north: Number, east: Number, segment: Segment[Number], _target: Target[Number]) -> Course[Number]:
-        n0, e0, cos0, sin0, heading0, curvature0, n1, e1, cos1, sin1, heading1, curvature1, blend = segment
-        offset, heading = offset_and_heading(north, east, (n0, e0, cos0, sin0, heading0, curvature0), maths)
+    def law(
+        north: Number, east: Number, segment: Segment[Number], _target: Sequence[Number]
+    ) -> Course[Number]:
+        offset, heading = offset_and_heading(north, east, segment[:6], maths)
         course = heading + atan2(-offset, ahead + 0.0 * offset)
-        offset, heading = offset_and_heading(north, east, (n1, e1, cos1, sin1, heading1, curvature1), maths)
+        offset, heading = offset_and_heading(north, east, segment[6:12], maths)
         following = heading + atan2(-offset, ahead + 0.0 * offset)
+        curvature0, (n1, e1, cos1, sin1, _, curvature1, blend) = segment[5], segment[6:]
         x = clip((cos1 * (north - n1) + sin1 * (east - e1)) / blend + 0.5, 0.0, 1.0)
         weight = x * x * (3.0 - 2.0 * x)
         course = course + weight * wrap(following - course)
@@ -68,20 +68,19 @@ def line_of_sight(
     return law
 
 
-def constant_bearing(
-    vehicle: AnyVehicle, maths: Maths[Number]
-) -> Callable[[Number, Number, Segment[Number], Target[Number]], Course[Number]]:
+def constant_bearing(vehicle: AnyVehicle, maths: Maths[Number]) -> Guide[Number]:
     """Build constant bearing: the wanted velocity is the target's plus an approach velocity towards it.
 
-    The target is (north, east, velocity north, velocity east, course rate); the approach speed grows to its limit with
-    distance over the look-ahead (Breivik and Fossen 2009).
+    The approach speed grows to its limit with distance over the look-ahead (Breivik and Fossen 2009).
     """
     ahead2 = vehicle.guidance.look_ahead**2
     approach, ceiling = vehicle.guidance.approach_speed, vehicle.limits.max_speed
     floor = vehicle.limits.min_speed
     sqrt, atan2, clip = maths.sqrt, maths.atan2, maths.clip
 
-    def law(north: Number, east: Number, _segment: Segment[Number], target: Target[Number]) -> Course[Number]:
+    def law(
+        north: Number, east: Number, _segment: Segment[Number], target: Sequence[Number]
+    ) -> Course[Number]:
         target_n, target_e, velocity_n, velocity_e, rate = target
         gap_n, gap_e = target_n - north, target_e - east
         pull = approach / sqrt(gap_n * gap_n + gap_e * gap_e + ahead2)

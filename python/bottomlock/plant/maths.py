@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 Number = TypeVar("Number", float, FloatArray)
+Three: TypeAlias = tuple[Number, Number, Number]
+Four: TypeAlias = tuple[Number, Number, Number, Number]
+Six: TypeAlias = tuple[Number, Number, Number, Number, Number, Number]
 
 _FULL_TURN = 2.0 * math.pi
 

@@ -9,7 +9,8 @@ from typing import Self
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.maths import FloatArray, IntArray
+from bottomlock.plant.guidance import offset_and_heading
+from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 
 _BLEND_M = 2.0
 
@@ -56,10 +57,14 @@ def guide_rows(segments: Sequence[PathSegment]) -> list[tuple[float, ...]]:
     return rows
 
 
-def passed(row: Sequence[float], north_m: float, east_m: float) -> bool:
-    """True when the joint after a segment, and the blend over it, lie behind the vehicle."""
-    north, east, cosine, sine, blend = row[6], row[7], row[8], row[9], row[12]
-    return cosine * (north_m - north) + sine * (east_m - east) >= 0.5 * blend
+def next_segment(rows: Sequence[Sequence[float]], index: int, north_m: float, east_m: float) -> int:
+    """Index of the segment to follow: advances past every joint that, with the blend over it, lies behind."""
+    while index < len(rows) - 1:
+        north, east, cosine, sine, _, _, blend = rows[index][6:]
+        if cosine * (north_m - north) + sine * (east_m - east) < 0.5 * blend:
+            break
+        index += 1
+    return index
 
 
 class PathBuilder:
@@ -154,15 +159,11 @@ def cross_track_m(segments: list[PathSegment], position_ne_m: FloatArray) -> tup
     signed = np.full(len(points), np.nan)
     nearest = np.zeros(len(points), dtype=np.int64)
     for index, segment in enumerate(segments):
-        n0, e0, cosine, sine, _, curvature = segment.row()
-        dn, de = points[:, 0] - n0, points[:, 1] - e0
-        along, beside = cosine * dn + sine * de, cosine * de - sine * dn
-        forward, inward = curvature * along, 1.0 - curvature * beside
-        distance = np.hypot(forward, inward)
-        offset = (2.0 * beside - curvature * (along**2 + beside**2)) / (1.0 + distance)
-        travelled = (
-            along if curvature == 0.0 else np.arctan2(forward, inward) / abs(curvature) * np.sign(curvature)
-        )
+        north, east = points[:, 0] - segment.north_m, points[:, 1] - segment.east_m
+        offset, heading = offset_and_heading(points[:, 0], points[:, 1], segment.row(), ARRAY)
+        along = math.cos(segment.heading_rad) * north + math.sin(segment.heading_rad) * east
+        curvature = segment.curvature_pm
+        travelled = along if curvature == 0.0 else (heading - segment.heading_rad) / curvature
         overshoot = np.maximum(np.maximum(-travelled, travelled - segment.length_m), 0.0)
         gap = np.hypot(offset, overshoot)
         better = gap < best

@@ -9,8 +9,8 @@ import numpy as np
 
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
+from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.maths import FloatArray
-from bottomlock.plant.matrices import rotation_t_p
 
 _MARCH_STEPS = 256
 _BISECTIONS = 40

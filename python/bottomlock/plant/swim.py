@@ -1,7 +1,8 @@
 """Integrate a mission: one vehicle, controlled on the truth, from its trim to the end."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -12,22 +13,30 @@ from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import SCALAR, FloatArray, IntArray, Maths, Number
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.model import Derivative, Error, Row
-from bottomlock.plant.path import guide_rows, passed
+from bottomlock.plant.path import guide_rows, next_segment
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
+from bottomlock.truth.truth import sample_times_ns
+
+Step: TypeAlias = Callable[
+    [list[Number], list[Number], Row[Number], Row[Number], Segment[Number], Error[Number]],
+    tuple[list[Number], list[Number]],
+]
+"""A step: (state, its derivative, rows at half and full step, segment, error) -> the next state and its derivative."""
 
 
-def runge_kutta_step(
-    rates: Derivative[Number], maths: Maths[Number], step_s: float
-) -> Callable[
-    [list[Number], list[Number], Row[Number], Row[Number], Segment[Number], Error[Number]], list[Number]
-]:
-    """Build one RK4 step: (state, derivative, rows at half and full step, segment, error) -> next state.
+def stepper(rates: Derivative[Number], maths: Maths[Number], step_s: float) -> Step[Number]:
+    """Build one Runge-Kutta step of fourth order, whose attitude is renewed from the angular rates.
 
-    The quaternion is normalised; RK4 leaves it within step⁵ of unit length.
+    Between steps the rates are interpolated by cubic Hermite polynomials, and the attitude must be their integral, or
+    an ideal gyro would not return it. The rotation vector over a step is h (w0 + w1) / 2 + h² (w0' - w1') / 12, the
+    integral of the cubic, plus the coning term h² w0 x w1 / 12. The quaternion by Runge-Kutta, within step⁵ of unit
+    length and normalised, serves the derivative at the end.
+
+    Source: Iserles and Norsett 1999, fourth-order Magnus expansion.
     """
-    half, sixth = 0.5 * step_s, step_s / 6.0
-    sqrt = maths.sqrt
+    half, sixth, twelfth = 0.5 * step_s, step_s / 6.0, step_s * step_s / 12.0
+    sqrt, cos, sin = maths.sqrt, maths.cos, maths.sin
 
     def step(
         state: list[Number],
@@ -36,7 +45,7 @@ def runge_kutta_step(
         end: Row[Number],
         segment: Segment[Number],
         error: Error[Number],
-    ) -> list[Number]:
+    ) -> tuple[list[Number], list[Number]]:
         second = rates([x + half * k for x, k in zip(state, first, strict=True)], middle, segment, error)
         third = rates([x + half * k for x, k in zip(state, second, strict=True)], middle, segment, error)
         fourth = rates([x + step_s * k for x, k in zip(state, third, strict=True)], end, segment, error)
@@ -47,67 +56,38 @@ def runge_kutta_step(
         q0, q1, q2, q3 = after[3:7]
         length = sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
         after[3:7] = [q0 / length, q1 / length, q2 / length, q3 / length]
-        return after
-
-    return step
-
-
-def attitude_by_rates(
-    maths: Maths[Number], step_s: float
-) -> Callable[[list[Number], list[Number], list[Number], list[Number]], None]:
-    """Build the attitude update of a step from its angular rates, in place of the Runge-Kutta quaternion.
-
-    Between steps the rates are interpolated by cubic Hermite polynomials, and the attitude must be their integral, or
-    an ideal gyro would not return it. The rotation vector over a step is h (w0 + w1) / 2 + h² (w0' - w1') / 12, the
-    integral of the cubic, plus the coning term h² w0 x w1 / 12. The function takes state and derivative before and
-    after the step, and changes the state after.
-
-    Source: Iserles and Norsett 1999, fourth-order Magnus expansion.
-    """
-    half, twelfth = 0.5 * step_s, step_s * step_s / 12.0
-    sqrt, cos = maths.sqrt, maths.cos
-    sin = maths.sin
-
-    def renew(before: list[Number], first: list[Number], after: list[Number], last: list[Number]) -> None:
-        q0, q1, q2, q3 = before[3:7]
-        p0, r0, y0 = before[10:13]
-        p1, r1, y1 = after[10:13]
+        last = rates(after, end, segment, error)
+        (q0, q1, q2, q3), (p0, r0, y0), (p1, r1, y1) = state[3:7], state[10:13], after[10:13]
         a = half * (p0 + p1) + twelfth * (first[10] - last[10] + r0 * y1 - y0 * r1)
         b = half * (r0 + r1) + twelfth * (first[11] - last[11] + y0 * p1 - p0 * y1)
         c = half * (y0 + y1) + twelfth * (first[12] - last[12] + p0 * r1 - r0 * p1)
         angle = sqrt(a * a + b * b + c * c + 1e-300)
         scale = sin(0.5 * angle) / angle
         e0, e1, e2, e3 = cos(0.5 * angle), scale * a, scale * b, scale * c
-        after[3] = q0 * e0 - q1 * e1 - q2 * e2 - q3 * e3
-        after[4] = q0 * e1 + q1 * e0 + q2 * e3 - q3 * e2
-        after[5] = q0 * e2 - q1 * e3 + q2 * e0 + q3 * e1
-        after[6] = q0 * e3 + q1 * e2 - q2 * e1 + q3 * e0
+        after[3:7] = [
+            q0 * e0 - q1 * e1 - q2 * e2 - q3 * e3, q0 * e1 + q1 * e0 + q2 * e3 - q3 * e2,
+            q0 * e2 - q1 * e3 + q2 * e0 + q3 * e1, q0 * e3 + q1 * e2 - q2 * e1 + q3 * e0,
+        ]  # fmt: skip
+        return after, last
 
-    return renew
+    return step
 
 
-def hermite(
-    before: FloatArray,
-    rate_before: FloatArray,
-    after: FloatArray,
-    rate_after: FloatArray,
-    step_s: float,
-    parts: int,
-) -> FloatArray:
-    """Values at equal fractions of each step by cubic Hermite interpolation: (steps, ..., m) -> (steps, parts, ..., m).
+def sampled(states: FloatArray, derivatives: FloatArray, step_s: float, parts: int) -> FloatArray:
+    """States at equal fractions of each step by cubic Hermite interpolation, from (steps + 1, ..., size).
 
-    The step's start is included; its end is the next step's start. The error is step⁴ / 384 times the fourth
-    derivative, of the order of the integration itself.
+    Returns (steps parts + 1, ..., size), both ends included, quaternions normalised. The error is step⁴ / 384 times the
+    fourth derivative, of the order of the integration itself.
     """
-    fraction = np.arange(parts) / parts
-    x = fraction.reshape((1, parts) + (1,) * (before.ndim - 1))
+    x = (np.arange(parts) / parts).reshape((1, parts) + (1,) * (states.ndim - 1))
     rise = x * x * (3.0 - 2.0 * x)
     leave = step_s * x * (1.0 - x) ** 2
     arrive = -step_s * x * x * (1.0 - x)
-    start, end = before[:, None], after[:, None]
-    return np.asarray(
-        start + rise * (end - start) + leave * rate_before[:, None] + arrive * rate_after[:, None]
-    )
+    start, end = states[:-1, None], states[1:, None]
+    between = start + rise * (end - start) + leave * derivatives[:-1, None] + arrive * derivatives[1:, None]
+    every = np.concatenate([between.reshape(-1, *states.shape[1:]), states[-1:]])
+    every[..., model.ATTITUDE] /= np.linalg.norm(every[..., model.ATTITUDE], axis=-1, keepdims=True)
+    return every
 
 
 TICK_S = 0.2
@@ -133,20 +113,6 @@ class StateHistory:
     acceleration: FloatArray
     velocity_through_water_p_mps: FloatArray
     segment: IntArray
-
-
-def next_segment(rows: Sequence[Sequence[float]], index: int, north_m: float, east_m: float) -> int:
-    """Index of the segment to follow: advances past every joint that lies behind the vehicle."""
-    while index < len(rows) - 1 and passed(rows[index], north_m, east_m):
-        index += 1
-    return index
-
-
-def sample_times_ns(duration_s: float, imu_rate_hz: float) -> IntArray:
-    """Sample times from 0 to the duration, both included: round(k 1e9 / rate), int64 ns."""
-    count = round(duration_s * imu_rate_hz) + 1
-    times: IntArray = np.rint(np.arange(count) * (1e9 / imu_rate_hz)).astype(np.int64)
-    return times
 
 
 def swim(
@@ -175,53 +141,31 @@ def swim(
     table = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64))
     rows = table.tolist()
     rates = model.derivative(vehicle, mission, SCALAR, gravity_mps2)
-    advance = runge_kutta_step(rates, SCALAR, step_s)
-    renew_attitude = attitude_by_rates(SCALAR, step_s)
+    step = stepper(rates, SCALAR, step_s)
     state = start_state(vehicle, mission, gravity_mps2)
     guides = guide_rows(mission.segments)
     index = next_segment(guides, 0, state[0], state[1])
     segment = guides[index]
-    first = rates(state, rows[0], segment, NO_ERROR)
-    states, derivatives, indices = [state], [first], [index]
+    derivative = rates(state, rows[0], segment, NO_ERROR)
+    states, derivatives, indices = [state], [derivative], [index]
     for number in range(steps):
         middle, end = rows[2 * number + 1], rows[2 * number + 2]
-        before, state = state, advance(state, first, middle, end, segment, NO_ERROR)
-        last = rates(state, end, segment, NO_ERROR)
-        renew_attitude(before, first, state, last)
-        first = last
+        state, derivative = step(state, derivative, middle, end, segment, NO_ERROR)
         if (number + 1) % ticks == 0:
             index = next_segment(guides, index, state[0], state[1])
             segment = guides[index]
         states.append(state)
-        derivatives.append(last)
+        derivatives.append(derivative)
         indices.append(index)
-    every = _dense(np.array(states), np.array(derivatives), step_s, samples_per_step, steps_per_sample)
-    chosen = np.repeat(np.array(indices), samples_per_step)[::steps_per_sample]
-    return _history(vehicle, mission, every[: count + 1], chosen[: count + 1], imu_rate_hz, gravity_mps2)
-
-
-def _dense(states: FloatArray, derivatives: FloatArray, step_s: float, parts: int, stride: int) -> FloatArray:
-    between = hermite(states[:-1], derivatives[:-1], states[1:], derivatives[1:], step_s, parts)
-    every = np.concatenate([between.reshape(-1, states.shape[1]), states[-1:]])[::stride]
-    every[:, model.ATTITUDE] /= np.linalg.norm(every[:, model.ATTITUDE], axis=1, keepdims=True)
-    return every
-
-
-def _history(
-    vehicle: AnyVehicle,
-    mission: Mission,
-    states: FloatArray,
-    indices: IntArray,
-    imu_rate_hz: float,
-    gravity_mps2: float,
-) -> StateHistory:
-    rows = mission.timetable(np.arange(len(states)) / imu_rate_hz)
+    every = sampled(np.array(states), np.array(derivatives), step_s, samples_per_step)
+    samples = every[::steps_per_sample][: count + 1]
+    inputs = mission.timetable(np.arange(count + 1) / imu_rate_hz)
     return StateHistory(
-        time_ns=sample_times_ns(mission.duration_s, imu_rate_hz)[: len(states)],
-        state=states,
-        acceleration=model.accelerations(vehicle, gravity_mps2)(states, rows),
-        velocity_through_water_p_mps=model.velocity_through_water_p(states, rows),
-        segment=indices,
+        time_ns=sample_times_ns(count / imu_rate_hz, imu_rate_hz),
+        state=samples,
+        acceleration=model.accelerations(vehicle, gravity_mps2)(samples, inputs),
+        velocity_through_water_p_mps=model.velocity_through_water_p(samples, inputs),
+        segment=np.repeat(np.array(indices), samples_per_step)[::steps_per_sample][: count + 1],
     )
 
 

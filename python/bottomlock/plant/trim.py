@@ -9,11 +9,10 @@ from scipy.optimize import root
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
-from bottomlock.plant.autopilot import Mixer
-from bottomlock.plant.equations import acceleration
+from bottomlock.plant.autopilot import fin_mixing
+from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.maths import SCALAR, FloatArray
-from bottomlock.plant.matrices import added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.mission import Mission, straight
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.vehicle import Vehicle
@@ -40,21 +39,14 @@ def trim(vehicle: Vehicle, speed_mps: float, gravity_mps2: float) -> Trim:
         ScenarioError: where no equilibrium exists, or it needs more than the limits of fins or shaft.
     """
     nu_dot = acceleration(vehicle, gravity_mps2, SCALAR)
-    mixer = Mixer.of(vehicle)
+    mixing = fin_mixing(vehicle)
 
     def unpack(x: FloatArray) -> Trim:
         sway, heave, pitch, roll_fin, pitch_fin, yaw_fin, shaft = (float(value) for value in x)
         surge = math.sqrt(max(speed_mps**2 - sway**2 - heave**2, 0.0))
-        fins = mixer.fins_rad(np.array([roll_fin, pitch_fin, yaw_fin]))
-        fin1, fin2, fin3, fin4 = (float(angle) for angle in fins)
-        return Trim(
-            speed_mps,
-            pitch,
-            (surge, sway, heave),
-            (roll_fin, pitch_fin, yaw_fin),
-            (fin1, fin2, fin3, fin4),
-            shaft,
-        )
+        fin1, fin2, fin3, fin4 = (float(angle) for angle in mixing @ (roll_fin, pitch_fin, yaw_fin))
+        modes, fins = (roll_fin, pitch_fin, yaw_fin), (fin1, fin2, fin3, fin4)
+        return Trim(speed_mps, pitch, (surge, sway, heave), modes, fins, shaft)
 
     def residual(x: FloatArray) -> FloatArray:
         guess = unpack(x)
