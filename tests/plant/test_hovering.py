@@ -29,7 +29,7 @@ from bottomlock.plant import (
 )
 from bottomlock.plant.autopilot import Motion, Wanted, thruster_steering
 from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
-from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
+from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import check_stability, start_state
 from bottomlock.plant.vehicle_file import parse_vehicle
@@ -114,10 +114,6 @@ def test_components_equal_the_vectorial_form(
     # without thrust and weight only drag works, and it takes energy
     assert nu @ drag @ nu >= 0.0
     assert abs(nu @ turning @ nu) < 1e-9
-    two = [[np.full(2, x) for x in values] for values in (quaternion, nu, thrust)]
-    together: Any = acceleration(ROV, GRAVITY_MPS2, ARRAY)
-    many = together(*two, (np.zeros(2),) * 3, (np.zeros(2),) * 3)
-    assert np.allclose(np.array(many)[:, 1], found, rtol=1e-10, atol=1e-9)
 
 
 def test_it_starts_in_balance() -> None:

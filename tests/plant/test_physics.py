@@ -21,7 +21,7 @@ from bottomlock.plant.equations import (
     to_platform,
     to_tangent,
 )
-from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
+from bottomlock.plant.maths import SCALAR, FloatArray
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,
@@ -129,26 +129,6 @@ def test_rotations_on_components_match_the_matrix(quaternion: FloatArray, vector
     q, v = quaternion.tolist(), vector.tolist()
     assert np.allclose(to_tangent(*q, *v), matrix @ vector, atol=1e-12)
     assert np.allclose(to_platform(*q, *v), matrix.T @ vector, atol=1e-12)
-
-
-@given(quaternions, velocities, deflections)
-def test_arrays_and_floats_give_the_same_motion(
-    quaternion: FloatArray, nu: FloatArray, fins: FloatArray
-) -> None:
-    """One set of equations: the array lanes differ from the float lanes by rounding only."""
-    vehicle, quaternion = VEHICLES["tauv"], quaternion / np.linalg.norm(quaternion)
-    alone = _nu_dot(vehicle, quaternion, nu, fins, 12.0, np.array([0.1, -0.2, 0.0]))
-    spread = [np.full(3, value) for value in (*quaternion, *nu, *fins)]
-    function: Callable[..., tuple[FloatArray, ...]] = acceleration(vehicle, GRAVITY_MPS2, ARRAY)
-    together = function(
-        tuple(spread[:4]),
-        tuple(spread[4:10]),
-        (*spread[10:], np.full(3, 12.0)),
-        (np.full(3, 0.1), np.full(3, -0.2), np.zeros(3)),
-        (np.zeros(3),) * 3,
-    )
-    for one, many in zip(alone, together, strict=True):
-        assert np.allclose(many, one, rtol=1e-10, atol=1e-10 * max(1.0, float(np.abs(alone).max())))
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 5.0, 15.0, 25.0, 40.0, 90.0, 135.0, 180.0])

@@ -17,12 +17,12 @@ from bottomlock.plant.mission import (
 )
 from bottomlock.plant.swim import StateHistory, swim
 from bottomlock.plant.telemetry import telemetry
-from bottomlock.plant.truth import Flight, fly, truth_of
+from bottomlock.plant.truth import Flight, fly
 from bottomlock.plant.vehicle import Vehicle
 from bottomlock.plant.vehicle_file import load_vehicle, packaged_vehicles
 
 __all__ = [
     "AnyVehicle", "Current", "DepthProfile", "Flight", "HoveringVehicle", "Mission", "StateHistory",
     "StuckFin", "Vehicle", "figure_eight", "fly", "lawn_mower", "load_vehicle", "packaged_vehicles",
-    "straight", "swim", "telemetry", "truth_of", "waypoint_mission",
+    "straight", "swim", "telemetry", "waypoint_mission",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from bottomlock.plant import model
 from bottomlock.plant.autopilot import fin_mixing
 from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
-from bottomlock.plant.maths import SCALAR, FloatArray
+from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray
 from bottomlock.plant.mission import Mission, straight
 from bottomlock.plant.path import guide_rows
 from bottomlock.plant.vehicle import Vehicle
@@ -182,9 +182,9 @@ def eigenvalues(
     """
     mission = replace(straight(speed_mps=speed_mps), heading_rad=heading_rad)
     start = np.array(start_state(vehicle, mission, gravity_mps2))
-    rates = model.derivative(vehicle, mission, SCALAR, gravity_mps2)
-    row = [float(value) for value in mission.timetable(np.array([0.0]))[0]]
-    segment, error = guide_rows(mission.segments)[0], (0.0,) * 9
+    rates = model.derivative(vehicle, mission, ARRAY, gravity_mps2)
+    row, segment = mission.timetable(np.zeros(1)).T, np.array(guide_rows(mission.segments)[:1]).T
+    error = np.zeros((9, 1))
     q0, q1, q2, q3 = start[model.ATTITUDE]
     # columns map a small platform rotation to the change of the quaternion's components
     spin = 0.5 * np.array([[-q1, -q2, -q3], [q0, -q3, q2], [q3, q0, -q1], [-q2, q1, q0]])
@@ -195,13 +195,12 @@ def eigenvalues(
     if not closed_loop:
         columns = np.delete(columns, 2, axis=1)
     back = np.linalg.pinv(columns)
-    jacobian = np.empty((columns.shape[1],) * 2)
     step = 1e-6
-    for index in range(columns.shape[1]):
-        ahead = np.array(rates((start + step * columns[:, index]).tolist(), row, segment, error))
-        behind = np.array(rates((start - step * columns[:, index]).tolist(), row, segment, error))
-        jacobian[:, index] = back @ (ahead - behind) / (2.0 * step)
-    values = np.linalg.eigvals(jacobian)
+    ahead, behind = (
+        np.array(rates(list(start[:, None] + change), list(row), list(segment), tuple(error)))  # type: ignore[arg-type]
+        for change in (step * columns, -step * columns)
+    )
+    values = np.linalg.eigvals(back @ (ahead - behind) / (2.0 * step))
     return np.asarray(values[np.argsort(-values.real)])
 
 

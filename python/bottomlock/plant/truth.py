@@ -49,33 +49,6 @@ class Flight:
     truth: Truth
 
 
-def truth_of(
-    history: StateHistory,
-    *,
-    latitude_rad: float,
-    gravity_mps2: float,
-    earth_rate_radps: float = EARTH_RATE_RADPS,
-) -> Truth:
-    """The truth of a state history; specific force and inertial rate follow from its accelerations."""
-    omega, force = inertial_measurements(
-        history.state,
-        history.acceleration,
-        latitude_rad=latitude_rad,
-        gravity_mps2=gravity_mps2,
-        earth_rate_radps=earth_rate_radps,
-    )
-    return Truth(
-        time_ns=history.time_ns,
-        position_t_m=history.state[:, 0:3].copy(),
-        attitude_t_p=history.state[:, 3:7].copy(),
-        velocity_p_mps=history.state[:, 7:10].copy(),
-        omega_p_radps=omega,
-        force_p_mps2=force,
-        latitude_rad=latitude_rad,
-        gravity_mps2=gravity_mps2,
-    )
-
-
 def fly(
     vehicle: AnyVehicle,
     mission: Mission,
@@ -99,8 +72,22 @@ def fly(
     151
     """
     history = _history(vehicle, mission, gravity_mps2, imu_rate_hz)
-    truth = truth_of(
-        history, latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
+    omega, force = inertial_measurements(
+        history.state,
+        history.acceleration,
+        latitude_rad=latitude_rad,
+        gravity_mps2=gravity_mps2,
+        earth_rate_radps=earth_rate_radps,
+    )
+    truth = Truth(
+        time_ns=history.time_ns,
+        position_t_m=history.state[:, 0:3].copy(),
+        attitude_t_p=history.state[:, 3:7].copy(),
+        velocity_p_mps=history.state[:, 7:10].copy(),
+        omega_p_radps=omega,
+        force_p_mps2=force,
+        latitude_rad=latitude_rad,
+        gravity_mps2=gravity_mps2,
     )
     return Flight(vehicle, mission, history, truth)
 
