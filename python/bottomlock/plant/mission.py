@@ -79,14 +79,7 @@ def straight(
 ) -> Mission:
     """Trajectory 1: north at constant depth and speed."""
     path = PathBuilder().line(speed_mps * duration_s + 100.0)
-    return Mission(
-        "straight",
-        tuple(path.segments),
-        DepthProfile(((0.0, depth_m),)),
-        speed_mps,
-        duration_s,
-        current=current or Current(),
-    )
+    return _mission("straight", path, DepthProfile(((0.0, depth_m),)), speed_mps, duration_s, current)
 
 
 def figure_eight(
@@ -103,15 +96,9 @@ def figure_eight(
     loops = math.ceil(speed_mps * duration_s / (2.0 * math.pi * radius_m)) + 1
     for loop in range(loops):
         path.arc(radius_m, 2.0 * math.pi * (1.0 if loop % 2 == 0 else -1.0))
-    dive = DepthProfile(
-        (
-            (-60.0, depth_m - 60.0 * dive_rate_mps),
-            (duration_s + 60.0, depth_m + dive_rate_mps * (duration_s + 60.0)),
-        )
-    )
-    return Mission(
-        "figure_eight", tuple(path.segments), dive, speed_mps, duration_s, current=current or Current()
-    )
+    ends_s = (-60.0, duration_s + 60.0)
+    dive = DepthProfile(tuple((time_s, depth_m + dive_rate_mps * time_s) for time_s in ends_s))
+    return _mission("figure_eight", path, dive, speed_mps, duration_s, current)
 
 
 def lawn_mower(
@@ -131,9 +118,19 @@ def lawn_mower(
     for leg in range(legs):
         path.line(leg_m).arc(0.5 * spacing_m, math.pi * (1.0 if leg % 2 == 0 else -1.0))
     dive = DepthProfile(((2.0, depth_m), (2.0 + dive_duration_s, depth_m + dive_rate_mps * dive_duration_s)))
-    return Mission(
-        "lawn_mower", tuple(path.segments), dive, speed_mps, duration_s, current=current or Current()
-    )
+    return _mission("lawn_mower", path, dive, speed_mps, duration_s, current)
+
+
+def _mission(
+    name: str,
+    path: PathBuilder,
+    depth: DepthProfile,
+    speed_mps: float,
+    duration_s: float,
+    current: Current | None,
+) -> Mission:
+    """The mission along a path, by line of sight."""
+    return Mission(name, tuple(path.segments), depth, speed_mps, duration_s, current=current or Current())
 
 
 def waypoint_mission(
