@@ -44,8 +44,8 @@ TACTICAL = imu("tactical").replace(
 BY_FORCE = TACTICAL.replace(
     gyro_scale_sd=0.0,
     gyro_misalignment_sd_rad=0.0,
-    gyro_g_sensitivity_sd_radps_per_mps2=5e-5,
-    accel_scale_sd=3e-3,
+    gyro_g_sensitivity_sd_radps_per_mps2=2e-4,
+    accel_scale_sd=1.3e-2,
 )
 COLD = TACTICAL.replace(
     gyro_scale_sd=0.0, gyro_misalignment_sd_rad=0.0, accel_warm_up_sd_mps2=0.02, gyro_warm_up_sd_radps=1e-4,

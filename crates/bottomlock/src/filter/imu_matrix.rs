@@ -2,11 +2,12 @@
 //!
 //! The gyros read M ω + G f too much, with ω the rate of the platform and f the specific force: a scale factor on M's diagonal,
 //! beside it what an axis sees of the turns about another, and in G what it sees of forces; an accelerometer reads s f too much
-//! along its axis (Groves 2013, sect. 4.4). Over an interval these are biases of the sensors. With the columns Ψ by which Φ carries
+//! along its axis (Groves 2013, sect. 4.4), with f less that of a level vehicle at rest: what a sensor reads too much then is its
+//! bias, as sheets and the start of a dive know it. Over an interval these are biases of the sensors. With the columns Ψ by which Φ carries
 //! such biases into the other states, and the means u of ω and f over the duration T,
 //!
 //! ```text
-//! δx⁺ = Φ δx + B m,   B m = Ψ (s f, M ω + G f),   ω = θ / T,   R f = (v⁺ − v) / T − g + ω_ie × (v⁺ + v)
+//! δx⁺ = Φ δx + B m,   B m = Ψ (s f, M ω + G f),   ω = θ / T,   f = Rᵀ ((v⁺ − v) / T − g + ω_ie × (v⁺ + v)) + |g| e_z
 //! P⁺ = Φ P Φᵀ + Q + B Y + Yᵀ Bᵀ,   Y = X_mᵀ + ½ C_m Bᵀ,   X_m = Φ E[δx mᵀ],   E[δx fᵀ] += B E[m fᵀ]
 //! ```
 //!
@@ -53,7 +54,7 @@ pub(super) struct ImuMatrix {
 pub(super) struct Turned {
     /// Ψ.
     by_bias: SMatrix<f64, DIM, 6>,
-    /// ω, rad/s, and f, m/s².
+    /// ω, rad/s, and f, less that of a level vehicle, m/s².
     means: SVector<f64, 6>,
 }
 
@@ -106,7 +107,8 @@ impl ImuMatrix {
             .tr_mul(&force_t);
         let mut means = SVector::<f64, 6>::zeros();
         means.fixed_rows_mut::<3>(0).copy_from(&(angle / duration_s));
-        means.fixed_rows_mut::<3>(3).copy_from(&force_p);
+        let weight = Vector3::z() * Vector3::from(earth.gravity_t).norm();
+        means.fixed_rows_mut::<3>(3).copy_from(&(force_p + weight));
         Turned { by_bias, means }
     }
 

@@ -61,7 +61,8 @@ fn filter([scale, misalignment, by_force, accel_scale]: [f64; 4], period_ns: i64
 /// Readings for `steps` steps at a rate about each axis, with what a matrix adds to force and rate, by rate and force.
 fn readings(first: i64, steps: i64, rate: [f64; 3], matrix: &Matrix6<f64>) -> Vec<ImuSample> {
     let (rate, force) = (Vector3::from(rate), Vector3::new(0.1, 0.2, -9.6));
-    let added = matrix * SVector::<f64, 6>::from_fn(|k, _| if k < 3 { rate[k] } else { force[k - 3] });
+    let from_level = force + Vector3::z() * Model::table_2().environment.gravity_mps2;
+    let added = matrix * SVector::<f64, 6>::from_fn(|k, _| if k < 3 { rate[k] } else { from_level[k - 3] });
     let sample = |k: i64| ImuSample {
         time_ns: k * STEP_NS,
         rate_p_radps: (rate + added.fixed_rows::<3>(3)).into(),
@@ -139,6 +140,24 @@ fn covariance_is_that_of_wrong_readings() {
             assert!(difference.abs() < 0.01 * size, "({i}, {j}): {difference} of {size}");
         }
     }
+}
+
+/// What gravity adds while the vehicle is level is part of the biases: nothing is left to be considered.
+#[test]
+fn a_level_vehicle_has_its_biases_alone() {
+    let gravity = Model::table_2().environment.gravity_mps2;
+    let sample = |k: i64| ImuSample {
+        time_ns: k * STEP_NS,
+        rate_p_radps: Vec3::zeros(),
+        force_p_mps2: Vec3::new(0.0, 0.0, -gravity),
+    };
+    let after = |sd: [f64; 4]| {
+        let mut own = filter(sd, 100_000_000);
+        own.predict_along(&(0..=1000).map(sample).collect::<Vec<_>>()).unwrap();
+        own.covariance()
+    };
+    let added = after([0.0, 0.0, BY_FORCE, ACCEL_SCALE]) - after([0.0; 4]);
+    assert!(added.amax() < 1e-12, "{}", added.amax());
 }
 
 /// A heading after a turn corrects the yaw and leaves M as unknown as it was; the covariance knows that the yaw's error is M's.

@@ -32,12 +32,14 @@ pub(super) struct Inertial {
     pub(super) gyro_bias: Vector3<f64>,
     /// Scale factors and misalignments of the gyros, by which readings are too much.
     gyro_matrix: Matrix3<f64>,
-    /// What the gyros see of the specific force, rad/s per m/s².
+    /// What the gyros see of the specific force, less that of a level vehicle at rest, rad/s per m/s².
     gyro_by_force: Matrix3<f64>,
-    /// Scale factors of the accelerometers.
+    /// Scale factors of the accelerometers; at a level vehicle's rest they are part of the biases.
     accel_scale: Vector3<f64>,
     /// How far the biases of accelerometers and gyros move while the sensors warm up.
     warm_up: [Vector3<f64>; 2],
+    /// Gravity at the origin, m/s².
+    gravity_mps2: f64,
     /// Time of the first reading.
     first_ns: Option<i64>,
 }
@@ -63,6 +65,7 @@ impl Inertial {
                 of(Stream::AccelWarmUp).each(&[1.0; 3]) * imu.accel_warm_up_sd_mps2,
                 of(Stream::GyroWarmUp).each(&[1.0; 3]) * imu.gyro_warm_up_sd_radps,
             ],
+            gravity_mps2: 0.0,
             first_ns: None,
         }
     }
@@ -77,6 +80,7 @@ impl Inertial {
         mut samples: Range<usize>,
         take: &mut Take<'_>,
     ) {
+        self.gravity_mps2 = earth.gravity_mps2;
         if self.first_ns.is_none() {
             let Some(first) = samples.next() else { return };
             let (accel_noise, gyro_noise) = (self.accel_noise.each(&[1.0; 3]), self.gyro_noise.each(&[1.0; 3]));
@@ -139,16 +143,17 @@ impl Inertial {
         accel_noise: &Vector3<f64>,
     ) -> ImuSample {
         let root_dt = root_interval_s(at, k);
+        let from_level = force + Vector3::z() * self.gravity_mps2;
         ImuSample {
             time_ns: at.time_ns[k],
             rate_p_radps: (rate
                 + self.gyro_matrix * rate
-                + self.gyro_by_force * force
+                + self.gyro_by_force * from_level
                 + self.gyro_bias
                 + gyro_noise * (imu.gyro_noise_rad_rts / root_dt))
                 .into(),
             force_p_mps2: (force
-                + self.accel_scale.component_mul(&force)
+                + self.accel_scale.component_mul(&from_level)
                 + self.accel_bias
                 + accel_noise * (imu.accel_noise_mps_rts / root_dt))
                 .into(),
