@@ -122,8 +122,10 @@ pub mod block {
     pub const DEPTH_WAVE: Block = DEPTH_BIAS.then("depth_wave_m", WAVE);
     /// Mounting and clock of the DVL ([`crate::aiding::calibration`]).
     pub const CALIBRATION: Block = DEPTH_WAVE.then("dvl_mounting_and_clock", OF_DVL);
+    /// Biases of the beams beyond those of the 20 states, m/s (`filter/beam_biases.rs`).
+    pub const BEAM_BIAS: Block = CALIBRATION.then("beam_bias_mps", MAX_BEAMS - BIASED_BEAMS);
     /// Error of the attitude reference, rad ([`crate::aiding::attitude`]).
-    pub const ATTITUDE_ERROR: Block = CALIBRATION.then("attitude_error_rad", ATTITUDE);
+    pub const ATTITUDE_ERROR: Block = BEAM_BIAS.then("attitude_error_rad", ATTITUDE);
     /// Deviation of the attitude reference's yaw, rad (`aiding/deviation.rs`).
     pub const ATTITUDE_DEVIATION: Block = ATTITUDE_ERROR.then("attitude_deviation_rad", DEVIATION);
     /// Error of the heading sensor, rad ([`crate::aiding::heading`]).
@@ -140,11 +142,9 @@ pub mod block {
     pub const MOTION: Block = ACCEL_SCALE.then("motion_p_mps", OF_VEHICLE);
     /// What the drives make of the speed: scale, then slip, m/s, along surge, sway and heave ([`crate::aiding::thrust`]).
     pub const THRUST: Block = MOTION.then("thrust", OF_DRIVES);
-    /// Biases of the beams beyond those of the 20 states, m/s (`filter/beam_biases.rs`).
-    pub const BEAM_BIAS: Block = THRUST.then("beam_bias_mps", MAX_BEAMS - BIASED_BEAMS);
     /// The motion through the water ([`crate::aiding::water`]); it and its layers are last, since a filter may begin or end them
     /// while it runs, and the states of a smoother's tape then keep their places.
-    pub const WATER: Block = BEAM_BIAS.then("water", THROUGH_WATER);
+    pub const WATER: Block = THRUST.then("water", THROUGH_WATER);
     /// The current's layers ([`crate::aiding::current_layers`]), north and east of each place, m/s.
     pub const LAYERS: Block = WATER.then("current_layers_mps", LAYER_STATES);
 
@@ -153,6 +153,7 @@ pub mod block {
         DEPTH_BIAS,
         DEPTH_WAVE,
         CALIBRATION,
+        BEAM_BIAS,
         ATTITUDE_ERROR,
         ATTITUDE_DEVIATION,
         HEADING_ERROR,
@@ -162,7 +163,6 @@ pub mod block {
         ACCEL_SCALE,
         MOTION,
         THRUST,
-        BEAM_BIAS,
         WATER,
         LAYERS,
     ];

@@ -214,7 +214,8 @@ impl FurtherStates {
 
     /// The estimates that are added to a reading as they are: what it contains of the others the reading's residual has already.
     pub(super) fn added(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let is_added = |k: &usize| *k < block::BEAM_BIAS.first && !block::CALIBRATION.range().contains(k);
+        let of_beams = block::CALIBRATION.first..block::ATTITUDE_ERROR.first;
+        let is_added = move |k: &usize| *k < block::WATER.first && !of_beams.contains(k);
         let with_estimate = self.states().filter(is_added).map(|k| (k, self.estimate[k]));
         with_estimate.filter(|&(_, estimate)| estimate != 0.0)
     }

@@ -166,6 +166,7 @@ fn further_states_that_are_corrected() {
     assert!(alone.contains(&block::THRUST.first) && alone.end == FURTHER);
     assert!(!alone.contains(&(crate::aiding::further::block::MOTION.first - 1)));
     assert_eq!(Corrects::ThroughWater.further_states(), block::THRUST.first..FURTHER);
+    assert!(block::BEAM_BIAS.range().all(|bias| !alone.contains(&bias)));
 }
 
 /// While the velocity is held, a row learns current and advance and leaves the error state as it is, covariance included.
