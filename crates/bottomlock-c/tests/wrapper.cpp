@@ -85,7 +85,7 @@ int main() {
     EXPECT(thrown([&] { navigator.push_imu(1, zero, still); }) == BL_STATUS_INVALID_VALUE);
     EXPECT(thrown([&] { navigator.push_depth(INT64_C(1) << 60, 0.0, 0.1); }) == BL_STATUS_TOO_FAR_AHEAD);
     EXPECT(navigator.late_events().front() == 1);
-    EXPECT(navigator.imu_faults().size() == 4);
+    EXPECT(navigator.imu_faults().size() == 5);
     EXPECT(navigator.water() && navigator.calibration() && !navigator.layers().empty());
     EXPECT(navigator.push_depth(5'100'000'000, 0.0, 0.1) == 0 && navigator.discard_waiting() == 1);
 

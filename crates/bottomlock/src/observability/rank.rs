@@ -342,3 +342,26 @@ fn echelon(mut rows: DMatrix<f64>, scales: &DVector<f64>, naming: &[usize]) -> (
     });
     (basis, order.iter().map(|&row| pivots[row]).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Kept 1 and 0.5 above a floor of 3.95e-4, a gap of 1,266: a value that is dropped leaves the rank open where it is more than ten
+    /// times the next one, or than rounding. With a gap of a thousand times the widest step, 2, it does not.
+    #[test]
+    fn a_dropped_value_that_stands_out_leaves_the_rank_open() {
+        let decided = |dropped: &[f64], floor: f64| {
+            let decision = decide(&[&[1.0, 0.5][..], dropped].concat(), floor);
+            assert_eq!((decision.rank, decision.widest_step), (2, 2.0));
+            decision.decided
+        };
+        for (next, is_decided) in [(4e-5, true), (3.8e-5, false)] {
+            assert_eq!(decided(&[3.9e-4, next], 3.95e-4), is_decided, "{next}");
+            assert!(decided(&[1e-4, 0.1 * next], 1e-4));
+        }
+        for (ulps, is_decided) in [(9.0, true), (11.0, false)] {
+            assert_eq!(decided(&[ulps * f64::EPSILON], 3.95e-4), is_decided, "{ulps}");
+        }
+    }
+}
