@@ -8,6 +8,8 @@
 //! E[δf zᵀ] = Xᵀ (H + D_x)ᵀ + C D_fᵀ,               K_f = E[δf zᵀ] S⁻¹
 //! ```
 
+use std::ops::AddAssign;
+
 use nalgebra::{Cholesky, Const, SMatrix};
 
 use super::further_states::FurtherStates;
@@ -93,10 +95,20 @@ impl FurtherStates {
     /// Adds to the covariances with the error state, which have been propagated, what the considered errors of the
     /// inertial sensors did over the interval; returns what they add to the covariance of the error state.
     pub(super) fn consider(&mut self, turned: &Turned) -> Covariance {
-        let added = turned.added(&self.cross.fixed_columns(MATRIX.start).into_owned(), &self.of_matrix());
-        let covariance = self.covariance.fixed_rows::<CONSIDERED>(MATRIX.start).into_owned();
-        self.cross += turned.times(&covariance);
+        let unknown = self.unknown();
+        let cross = self.cross.fixed_columns(MATRIX.start).into_owned();
+        let added = turned.added(&unknown, &cross, &self.of_matrix());
+        for n in self.states().collect::<Vec<_>>() {
+            let moved = turned.times(&unknown, |k| self.covariance[(MATRIX.start + k, n)]);
+            self.cross.column_mut(n).add_assign(&moved);
+        }
         added
+    }
+
+    /// The considered errors that are unknown, counted from the first.
+    fn unknown(&self) -> Vec<usize> {
+        let considered = self.states().filter(|k| MATRIX.contains(k));
+        considered.map(|k| k - MATRIX.start).collect()
     }
 
     /// What they add to the covariance of the error state over an interval that ends at `end`, over which nothing has been propagated.
@@ -109,7 +121,7 @@ impl FurtherStates {
     ) -> Covariance {
         let mut cross = self.cross.fixed_columns(MATRIX.start).into_owned();
         interval.carry(&mut cross.data.0, end, earth);
-        turned.added(&cross, &self.of_matrix())
+        turned.added(&self.unknown(), &cross, &self.of_matrix())
     }
 
     /// Covariance of the considered errors of the inertial sensors.

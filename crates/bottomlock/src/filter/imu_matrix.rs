@@ -134,26 +134,30 @@ impl Turned {
         SMatrix::from_fn(|i, k| self.by_bias[(i, bias(k))] * mean(k))
     }
 
-    /// B m fᵀ of covariances of m with further states, a column each.
-    pub(super) fn times<const N: usize>(&self, covariance: &SMatrix<f64, CONSIDERED, N>) -> SMatrix<f64, DIM, N> {
-        let mut biases = SMatrix::<f64, 6, N>::zeros();
-        for n in 0..N {
-            for k in 0..CONSIDERED {
-                let (bias, mean) = element(k);
-                biases[(bias, n)] += self.means[mean] * covariance[(k, n)];
-            }
+    /// B E[m f] of a further state, by its covariances with the elements of m that are unknown.
+    pub(super) fn times(&self, unknown: &[usize], covariance: impl Fn(usize) -> f64) -> SVector<f64, DIM> {
+        let mut biases = SVector::<f64, 6>::zeros();
+        for &k in unknown {
+            let (bias, mean) = element(k);
+            biases[bias] += self.means[mean] * covariance(k);
         }
         self.by_bias * biases
     }
 
-    /// B Y + Yᵀ Bᵀ, with X_m before B C_m is added to it.
+    /// B Y + Yᵀ Bᵀ, with X_m before B C_m is added to it, of the elements of m that are unknown.
     pub(super) fn added(
         &self,
+        unknown: &[usize],
         cross: &SMatrix<f64, DIM, CONSIDERED>,
         own: &SMatrix<f64, CONSIDERED, CONSIDERED>,
     ) -> Covariance {
-        let y = cross.transpose() + self.times(own).transpose() * 0.5;
-        let half = self.times(&y);
+        let mut biases = SMatrix::<f64, DIM, 6>::zeros();
+        for &k in unknown {
+            let (bias, mean) = element(k);
+            let y = cross.column(k) + self.times(unknown, |j| own[(j, k)]) * 0.5;
+            biases.column_mut(bias).axpy(self.means[mean], &y, 1.0);
+        }
+        let half = self.by_bias * biases.transpose();
         half + half.transpose()
     }
 }
