@@ -6,9 +6,9 @@
 //! for white noise such an error is averaged away in the covariance, and not in the world. The others belong to the vehicle's
 //! motion, to its drives and to the DVL's mounting and clock.
 //!
-//! Each is a constant, a random walk or a first-order Gauss–Markov process, so that the transition is diagonal, but for the waves in a depth,
-//! whose two states turn into each other. A correction is added to the estimate, but for the mounting of the DVL, which it turns;
-//! and a current turns with the yaw that is corrected.
+//! Each is a constant, a random walk or a first-order Gauss–Markov process, so that the transition is diagonal, but for the
+//! waves in a depth, whose two states turn into each other. A correction is added to the estimate; that of the DVL's mounting
+//! turns it, and a current turns with the correction of the yaw.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -270,8 +270,8 @@ impl FurtherStates {
     /// Fraction of the error of each state that is left after `duration_s`.
     pub(super) fn left(&self, duration_s: f64) -> FurtherVector {
         let mut left = FurtherVector::repeat(1.0);
-        for k in self.states().filter(|&k| self.time_s[k] < f64::INFINITY) {
-            left[k] = (-duration_s / self.time_s[k]).exp();
+        for k in self.states() {
+            left[k] = Process::lasting(0.0, self.time_s[k]).left(duration_s);
         }
         left
     }

@@ -85,12 +85,10 @@ impl ImuCheck {
     /// [`NavError`] that names the number.
     pub(crate) fn check_restored(&self) -> Result<(), NavError> {
         self.limits.validate()?;
-        let readings = [self.last, self.good].into_iter().flatten();
-        readings.into_iter().try_for_each(|reading| reading.validate())?;
-        let usual = self.usual.into_iter().flatten();
-        usual
-            .into_iter()
-            .try_for_each(|change| require_non_negative("usual change of inertial readings", change))
+        let mut readings = [self.last, self.good].into_iter().flatten();
+        readings.try_for_each(|reading| reading.validate())?;
+        let mut usual = self.usual.into_iter().flatten();
+        usual.try_for_each(|change| require_non_negative("usual change of inertial readings", change))
     }
 
     /// Time of the last reading, good or not, ns.
