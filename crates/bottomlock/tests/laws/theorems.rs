@@ -22,7 +22,7 @@ use bottomlock::model::*;
 use bottomlock::navigator::events::Event;
 use bottomlock::navigator::{BeamAiding, Navigator};
 use bottomlock::state::{Covariance, NavState};
-use nalgebra::{Matrix3, Vector3, Vector4};
+use nalgebra::{Matrix3xX, Vector3, Vector4};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -165,21 +165,22 @@ fn gap(one: &(NavState, Covariance, f64), two: &(NavState, Covariance, f64)) -> 
 /// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line, where rounding
 /// dominates.
 ///
-/// The bound of 30 on the condition number includes every real instrument (three beams at 20° have 3.9).
+/// The bound of 30 on the condition number includes every real instrument (three beams at 20° have 3.9). A singular value of
+/// 1e-7 of the largest is a direction that tight coupling reads and a fix leaves out, so only those of rounding are none.
 fn rank(case: &Case) -> Option<usize> {
-    let mut sum = Matrix3::<f64>::zeros();
-    for beam in case.mask.iter() {
-        sum += case.geometry.direction_p(beam) * case.geometry.direction_p(beam).transpose();
+    let directions: Vec<_> = case.mask.iter().map(|beam| *case.geometry.direction_p(beam)).collect();
+    if directions.is_empty() {
+        return Some(0);
     }
-    let values = sum.symmetric_eigenvalues();
+    let values = Matrix3xX::from_columns(&directions).singular_values();
     let largest = values.max();
     let seen: Vec<f64> = values
         .iter()
         .copied()
-        .filter(|value| *value > 1e-12 * largest)
+        .filter(|value| *value > 1e-13 * largest)
         .collect();
     let smallest = seen.iter().copied().fold(largest, f64::min);
-    (smallest > largest / 900.0).then_some(seen.len())
+    (smallest > largest / 30.0).then_some(seen.len())
 }
 
 const AXES: InformationPort = InformationPort::Axes;
