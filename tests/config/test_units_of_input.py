@@ -1,6 +1,5 @@
 """Units that cannot be meant: the likely mistake is named, and what may be true is taken."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -82,63 +81,6 @@ def replayed(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
     return kernel.replay_log(
         JANUS, MODEL, OPTIONS, ["tc"], log, STATE, sample_time_ns=np.array([log["imu_time_ns"][-1]])
     )
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e-6])
-def test_times_in_micro_and_milliseconds_are_named(scale: float) -> None:
-    times = (np.arange(150) * 10_000_000 * scale).astype(np.int64)
-    with pytest.raises(KernelError, match=r"imu row 19: mean interval of imu times, ns, .*nanoseconds"):
-        replayed(imu_time_ns=times)
-    pings = (np.arange(20) * 100_000_000 * scale).astype(np.int64)
-    beams = {"beam_velocity_mps": np.zeros((20, 4)), "beam_valid": np.ones((20, 4), dtype=bool)}
-    with pytest.raises(KernelError, match=r"dvl row 9: mean interval of dvl times, ns, .*nanoseconds"):
-        replayed(dvl_time_ns=pings, **beams)
-
-
-@pytest.mark.parametrize(
-    ("rate", "force", "words"),
-    [
-        ([0.0, 0.0, -9.8], [0.0, 0.0, 0.01], "swapped"),
-        ([0.0, 0.0, 0.01], [0.0, 0.0, -1.0], "in g"),
-        ([0.0, 0.0, 0.01], [0.0, 0.0, -980.0], "mg or cm/s²"),
-        ([0.0, 0.0, 0.01], [0.0, 0.0, -96.0], "m/s² taken for g"),
-        ([0.0, 0.0, 0.01], [0.1, 0.0, 0.0], "without gravity"),
-    ],
-)
-def test_inertial_readings_in_other_units_are_named(
-    rate: list[float], force: list[float], words: str
-) -> None:
-    """After a second, in a navigator and in a replay; the push that is refused takes nothing."""
-    made = navigator("ins")
-    for k in range(50):
-        made.push_imu(k * 20_000_000, omega_p_radps=rate, force_p_mps2=force)
-    before = made.state()
-    for _ in range(2):
-        with pytest.raises(KernelError, match=f"mean .force_p_mps2. of the first second is .*{words}"):
-            made.push_imu(SECOND, omega_p_radps=rate, force_p_mps2=force)
-    assert {key: np.asarray(value).tolist() for key, value in made.state().items()} == {
-        key: np.asarray(value).tolist() for key, value in before.items()
-    }
-    with pytest.raises(KernelError, match=f"imu row 50: mean .force_p_mps2.*{words}"):
-        replayed(omega_p_radps=np.tile(rate, (150, 1)), force_p_mps2=np.tile(force, (150, 1)))
-
-
-@pytest.mark.parametrize(
-    ("force", "words"),
-    [
-        ([0.0, 0.0, 9.8], "is z up, as in ROS?"),
-        ([0.0, 9.8, 0.0], "a quarter turn off, or the initial attitude?"),
-    ],
-)
-def test_axes_of_the_imu_are_those_of_the_estimate(force: list[float], words: str) -> None:
-    """A second of readings: before, the vehicle would have sunk at 31 m/s after three."""
-    made = navigator("ins")
-    for k in range(50):
-        made.push_imu(k * 20_000_000, omega_p_radps=[0.0, 0.0, 0.01], force_p_mps2=force)
-    with pytest.raises(
-        KernelError, match=f"along the estimate's down in the first second is .*{re.escape(words)}"
-    ):
-        made.push_imu(SECOND, omega_p_radps=[0.0, 0.0, 0.01], force_p_mps2=force)
 
 
 def test_gyros_in_degrees_a_second_are_named() -> None:

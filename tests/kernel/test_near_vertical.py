@@ -86,7 +86,7 @@ def push_angles(
 
 
 @pytest.mark.parametrize("sensor", ["heading", "attitude"])
-@pytest.mark.parametrize("pitch_deg", [80.0, 89.0, 89.9, 90.0, -90.0])
+@pytest.mark.parametrize("pitch_deg", [80.0, 89.0, 90.0])
 def test_good_fixes_are_accepted_on_end(sensor: str, pitch_deg: float) -> None:
     """Eight vehicles of 60 fixes: at 99.73 % one or two are rejected by chance, and the attitude stays consistent.
 

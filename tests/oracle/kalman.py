@@ -43,29 +43,6 @@ def update_position(x: Array, P: Array, H: Array, R: Array, residual: Array) -> 
     return M @ moved, M @ after @ M.T, H @ M
 
 
-def update_correlated(
-    x: Array, P: Array, H: Array, R: Array, C: Array, residual: Array
-) -> tuple[Array, Array]:
-    """The same when the noise n of z = H δx + n goes with the state error: C = E[δx nᵀ] (n × m).
-
-    S = H P Hᵀ + H C + Cᵀ Hᵀ + R, K = (P Hᵀ + C) S⁻¹, P⁺ = P − K S Kᵀ.
-    """
-    S = H @ P @ H.T + H @ C + C.T @ H.T + R
-    K = (P @ H.T + C) @ np.linalg.inv(S)
-    return x + K @ residual, P - K @ S @ K.T
-
-
-def update_information(
-    x: Array, P: Array, H: Array, information: Array, residual: Array
-) -> tuple[Array, Array]:
-    """Correction by an information matrix J in place of R⁻¹, which may have rank below its size.
-
-    P⁺ = (P⁻¹ + Hᵀ J H)⁻¹, x⁺ = x + P⁺ Hᵀ J residual.
-    """
-    P_new = np.linalg.inv(np.linalg.inv(P) + H.T @ information @ H)
-    return x + P_new @ H.T @ information @ residual, P_new
-
-
 def nis(H: Array, P: Array, R: Array, residual: Array) -> float:
     """Normalised innovation squared."""
     return float(residual @ np.linalg.inv(H @ P @ H.T + R) @ residual)

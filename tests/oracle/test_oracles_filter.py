@@ -7,14 +7,8 @@ from scipy.integrate import quad, quad_vec
 from scipy.linalg import expm
 
 from tests.dive import gauss_markov
-from tests.oracle import beams, chi_squared, error_model, gravity, kalman, mechanisation
+from tests.oracle import chi_squared, error_model, gravity, kalman, mechanisation
 from tests.oracle.rotations import Array, matrix_from_euler
-
-
-def covariance(rng: np.random.Generator, n: int) -> Array:
-    """A random positive definite matrix."""
-    root = rng.normal(size=(n, n))
-    return root @ root.T + 0.1 * np.eye(n)
 
 
 def test_scalar_update_by_hand() -> None:
@@ -23,66 +17,6 @@ def test_scalar_update_by_hand() -> None:
     assert x[0] == pytest.approx(8.0)
     assert P[0, 0] == pytest.approx(0.8)
     assert kalman.nis(np.eye(1), np.array([[4.0]]), np.eye(1), np.array([10.0])) == pytest.approx(20.0)
-
-
-def test_information_form_equals_the_gain_form() -> None:
-    """Two textbook forms of one update agree, so neither is mistyped."""
-    rng = np.random.default_rng(1)
-    P, R, H = covariance(rng, 5), covariance(rng, 2), rng.normal(size=(2, 5))
-    residual = rng.normal(size=2)
-    gain = kalman.update(np.zeros(5), P, H, R, residual)
-    information = kalman.update_information(np.zeros(5), P, H, np.linalg.inv(R), residual)
-    np.testing.assert_allclose(gain[0], information[0], atol=1e-12)
-    np.testing.assert_allclose(gain[1], information[1], atol=1e-12)
-
-
-def test_correlated_update_is_conditioning_of_a_joint_gaussian() -> None:
-    """The state error and the reading are jointly Gaussian; the update is the conditional mean and covariance."""
-    rng = np.random.default_rng(2)
-    joint = covariance(rng, 6)
-    P, C, R = joint[:4, :4], joint[:4, 4:], joint[4:, 4:]
-    H, residual = rng.normal(size=(2, 4)), rng.normal(size=2)
-    to_reading = np.hstack([H, np.eye(2)])
-    to_state = np.hstack([np.eye(4), np.zeros((4, 2))])
-    S, cross = to_reading @ joint @ to_reading.T, to_state @ joint @ to_reading.T
-    x, P_new = kalman.update_correlated(np.zeros(4), P, H, R, C, residual)
-    np.testing.assert_allclose(x, cross @ np.linalg.inv(S) @ residual, atol=1e-12)
-    np.testing.assert_allclose(P_new, P - cross @ np.linalg.inv(S) @ cross.T, atol=1e-12)
-
-
-def test_exact_virtual_beam_is_tight_coupling() -> None:
-    """Erratum E5: a virtual beam made of the prior, with its true cross-covariance, adds nothing to the two beams."""
-    rng = np.random.default_rng(3)
-    A, P = beams.x_janus()[:3], covariance(rng, 3)
-    R_beams = np.diag([0.042**2, 0.05**2])
-    residual = rng.normal(size=2)
-    tight = kalman.update(np.zeros(3), P, A[:2], R_beams, residual)
-    # The virtual reading is b₃·v̂ = b₃·v − b₃·δv, so its noise is −b₃·δv and its residual is zero.
-    R = np.zeros((3, 3))
-    R[:2, :2] = R_beams
-    R[2, 2] = A[2] @ P @ A[2]
-    C = np.zeros((3, 3))
-    C[:, 2] = -P @ A[2]
-    to_velocity = np.linalg.inv(A)
-    noise, cross = to_velocity @ R @ to_velocity.T, C @ to_velocity.T
-    loose = to_velocity @ np.array([*residual, 0.0])
-    # S is singular here (the third reading is certain), so condition on the row space of the beams alone.
-    S = P + cross + cross.T + noise
-    gain = (P + cross) @ np.linalg.pinv(S, rcond=1e-10)
-    np.testing.assert_allclose(gain @ loose, tight[0], atol=1e-9)
-    np.testing.assert_allclose(P - gain @ S @ gain.T, tight[1], atol=1e-9)
-
-
-def test_rank_deficient_information_is_tight_coupling() -> None:
-    """The information AᵀR⁻¹A of two beams through a velocity port equals the two beams."""
-    rng = np.random.default_rng(5)
-    A, P, R = beams.x_janus()[:2], covariance(rng, 3), np.diag([0.1, 0.2])
-    y = rng.normal(size=2)
-    tight = kalman.update(np.zeros(3), P, A, R, y)
-    information = A.T @ np.linalg.inv(R) @ A
-    port = kalman.update_information(np.zeros(3), P, np.eye(3), information, np.linalg.pinv(A) @ y)
-    np.testing.assert_allclose(port[0], tight[0], atol=1e-11)
-    np.testing.assert_allclose(port[1], tight[1], atol=1e-11)
 
 
 def system() -> tuple[Array, Array]:
@@ -103,22 +37,6 @@ def test_van_loan_equals_its_integral() -> None:
     np.testing.assert_allclose(Phi, expm(F * 0.5), atol=1e-13)
     integral, _ = quad_vec(lambda s: expm(F * s) @ GQG @ expm(F * s).T, 0.0, 0.5, epsrel=1e-12)
     np.testing.assert_allclose(Qd, integral, rtol=1e-9, atol=1e-18)
-
-
-def test_van_loan_satisfies_the_lyapunov_identity() -> None:
-    """F Qd + Qd Fᵀ + GQGᵀ = Φ GQGᵀ Φᵀ, since both sides are the derivative of Qd by time."""
-    F, GQG = system()
-    Phi, Qd = kalman.van_loan(F, GQG, 0.1)
-    np.testing.assert_allclose(F @ Qd + Qd @ F.T + GQG, Phi @ GQG @ Phi.T, atol=1e-17)
-
-
-def test_prediction_twice_is_prediction_over_both() -> None:
-    """Two steps with Φ and Qd equal one of double length: the law of composition."""
-    F, GQG = system()
-    P = covariance(np.random.default_rng(6), 20)
-    once, twice = kalman.van_loan(F, GQG, 0.1), kalman.van_loan(F, GQG, 0.2)
-    two_steps = kalman.predict(kalman.predict(P, *once), *once)
-    np.testing.assert_allclose(two_steps, kalman.predict(P, *twice), rtol=1e-11, atol=1e-11)
 
 
 def test_average_band_of_textbooks() -> None:

@@ -4,25 +4,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 import bottomlock
 from bottomlock.kernel import FixMethod
 from tests.oracle import beams as oracle
-from tests.oracle.rotations import Array, matrix_from_euler
+from tests.oracle.rotations import Array
 from tests.property import strategies as sea
 
-METHODS = [
-    "least_squares",
-    "virtual_beam",
-    "nullified_sway",
-    "partial_loose",
-    "virtual_heave",
-    "selector",
-    "information",
-    "weak_sway",
-]
 NOISES = sea.numbers(-0.3, 0.3, 5)
 
 
@@ -96,94 +86,3 @@ def test_information_is_that_of_the_rows(
         condition = observed[0] / observed[-1]
         rounding = (1e-12 + 4 * np.finfo(float).eps * condition) * scale
         np.testing.assert_allclose(weak.information_s2pm2[0], with_row, atol=rounding)
-
-
-def inputs(
-    instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array
-) -> tuple[Array, dict[str, Any]]:
-    """Readings and a prior that does not agree with them."""
-    prior = velocity + np.array([0.1, -0.2, 0.05])
-    return readings(instrument, velocity, noise), {
-        "prior_velocity_p_mps": prior[None],
-        "prior_cov_m2ps2": cov[None],
-    }
-
-
-@pytest.mark.first_cases(2)
-@given(
-    instrument=sea.instruments(), velocity=sea.velocities, cov=sea.covariances(), noise=NOISES, data=st.data()
-)
-@pytest.mark.parametrize("method", METHODS)
-def test_renumbering_beams_changes_nothing(
-    method: FixMethod, instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array, data: st.DataObject
-) -> None:  # fmt: skip
-    """Beam numbers are names.
-
-    A virtual beam must be chosen among the missing: equal candidates are told apart by number, so VB and the selector
-    are asked only where one candidate stands out (a random instrument nearly always has one).
-    """
-    valid = data.draw(sea.masks(instrument.beams, 1))
-    order = np.array(data.draw(st.permutations(range(instrument.beams))))
-    if method in {"virtual_beam", "selector"}:
-        assume(candidates_stand_out(instrument.directions, valid))
-    y, prior = inputs(instrument, velocity, cov, noise)
-    plain = solved(instrument, y, valid, method, **prior)
-    shuffled = sea.Instrument(instrument.directions[order], instrument.levers[order], instrument.sd[order])
-    other = solved(shuffled, y[order], valid[order], method, **prior)
-    np.testing.assert_array_equal(plain.component, other.component)
-    np.testing.assert_array_equal(plain.rank, other.rank)
-    np.testing.assert_allclose(plain.velocity_p_mps, other.velocity_p_mps, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(plain.cov_m2ps2, other.cov_m2ps2, rtol=1e-8, atol=1e-10)
-
-
-def candidates_stand_out(directions: Array, valid: Array) -> bool:
-    """True where each choice of a missing beam by its reach into the unseen axes is clear by 1 %."""
-    rows = [directions[i] for i in np.flatnonzero(valid)]
-    missing = [directions[i] for i in np.flatnonzero(~valid)]
-    while missing and np.linalg.matrix_rank(np.array(rows)) < 3:
-        A = np.array(rows)
-        unseen = np.eye(3) - np.linalg.pinv(A) @ A
-        reach = np.array([np.linalg.norm(unseen @ b) for b in missing])
-        ranked = np.sort(reach)
-        if len(ranked) > 1 and ranked[-1] - ranked[-2] < 0.01 * ranked[-1]:
-            return False
-        rows.append(missing.pop(int(np.argmax(reach))))
-    return True
-
-
-@given(
-    instrument=sea.instruments(), velocity=sea.velocities, cov=sea.covariances(), noise=NOISES, angles=sea.angles,
-    data=st.data(),
-)  # fmt: skip
-@pytest.mark.parametrize("method", ["least_squares", "virtual_beam", "information"])
-def test_rotating_mounting_and_velocity_together(
-    method: FixMethod, instrument: sea.Instrument, velocity: Array, cov: Array, noise: Array,
-    angles: tuple[float, float, float], data: st.DataObject,
-) -> None:  # fmt: skip
-    """Where no platform axis is singled out, turning instrument, prior and vehicle turns the answer and no more."""
-    valid = data.draw(sea.masks(instrument.beams, 1))
-    if method == "virtual_beam":
-        assume(candidates_stand_out(instrument.directions, valid))
-    y, prior = inputs(instrument, velocity, cov, noise)
-    turn = matrix_from_euler(*angles)
-    turned_cov = turn @ cov @ turn.T
-    turned_prior: dict[str, Any] = {
-        "prior_velocity_p_mps": prior["prior_velocity_p_mps"] @ turn.T,
-        "prior_cov_m2ps2": ((turned_cov + turned_cov.T) / 2)[None],
-    }
-    mounted = bottomlock.BeamGeometry(instrument.directions, mounting_rpy_rad=np.array(angles))
-    plain = solved(instrument, y, valid, method, **prior)
-    other = solved(instrument, y, valid, method, geometry=mounted, **turned_prior)
-    assert plain.rank[0] == other.rank[0]
-    seen, seen_turned = plain.observed_velocity_p_mps[0], other.observed_velocity_p_mps[0]
-    np.testing.assert_allclose(turn @ seen, seen_turned, rtol=1e-8, atol=1e-8)
-    information = plain.information_s2pm2[0]
-    np.testing.assert_allclose(
-        turn @ information @ turn.T,
-        other.information_s2pm2[0],
-        atol=1e-8 * max(1.0, np.abs(information).max()),
-    )
-    if plain.status[0] == 0 and other.status[0] == 0:
-        np.testing.assert_allclose(
-            turn @ plain.cov_m2ps2[0] @ turn.T, other.cov_m2ps2[0], rtol=1e-7, atol=1e-9
-        )

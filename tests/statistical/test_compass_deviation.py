@@ -26,7 +26,7 @@ MAGNETIC = WHITE.replace(yaw_offset_sd_rad=2.0 * DEGREE, yaw_walk_sd_rad=1.0 * D
 GYROCOMPASS = MagnetometerModel(yaw_sd_rad=0.1 * DEGREE, roll_pitch_sd_rad=0.1 * DEGREE)
 
 
-@pytest.mark.first_cases(2)
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("claimed", [CLAIMED, SURPRISED], ids=["claimed", "surprised"])
 @pytest.mark.parametrize(
     "name", ["whole, beams 1234, 1 Hz", "whole, beams 12, 1 Hz", "whole, beams 1234, 5 Hz"]

@@ -2,7 +2,8 @@
 
 It holds its heading and crabs along its legs, so that it sways through the water by 0.2 m/s RMS for minutes. Runs and
 seed are those of the scenario, written down before the first run. `weak_sway` was changed after it, by what these runs
-showed (docs/hovering.md); `make test` flies the first half. NEES is that of velocity and attitude.
+showed (docs/hovering.md). NEES is that of velocity and attitude; of one run it scatters by 2.9 of 6, so that the limit
+of 15 runs is 7.6 (1 sigma claimed 11 % too small) and that of 60 is 6.7 (6 %).
 """
 
 import numpy as np
@@ -22,7 +23,7 @@ METHODS = ("tc", "sway_current", "weak_sway")
 @pytest.mark.parametrize(
     ("mask", "vehicle", "runs"),
     [
-        ((1,), "hovering", 30),
+        ((1,), "hovering", 15),
         pytest.param((1,), "hovering", 60, marks=pytest.mark.long),
         pytest.param((1, 3), "hovering", 60, marks=pytest.mark.long),
         pytest.param((1,), "torpedo", 60, marks=pytest.mark.long),

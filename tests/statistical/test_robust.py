@@ -113,7 +113,7 @@ def test_heavy_tails_are_worth_an_update_that_knows_them(lost: tuple[int, ...], 
     assert rms("matched", lost) > 0.92 * plain
 
 
-@pytest.mark.parametrize("lost", [(), (3, 4)])
+@pytest.mark.parametrize("lost", [(), pytest.param((3, 4), marks=pytest.mark.long)])
 def test_student_t_claims_what_it_achieves(lost: tuple[int, ...]) -> None:
     """NEES of attitude and velocity, 6 degrees; seen: 6.34 and 6.16, where the Gaussian update has 10.2 and 9.4."""
     nees = run_tc("student", lost)[1]

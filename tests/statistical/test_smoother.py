@@ -86,6 +86,7 @@ def test_smoothed_states_are_as_sure_as_they_claim(trajectory: str) -> None:
     assert inside >= chi_squared.least_fraction_inside(nees, STATES, band)
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("trajectory", ["straight", "figure_eight"])
 def test_smoothing_lessens_the_error(trajectory: str) -> None:
     """Mean square of the position error over time and runs; seen of the filter's: straight 0.15, figure-eight 0.66."""
