@@ -1,4 +1,7 @@
-"""The composite log-likelihood of a candidate over all passes and horizons, with the priors of its parameters."""
+"""The composite log-likelihood of a candidate over all passes and horizons, its best candidate, and the 1 sigma there.
+
+Outliers count as in Huber's loss.
+"""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -6,18 +9,23 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+import polars as pl
 from scipy.optimize import OptimizeResult, minimize
+from scipy.stats import chi2
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import BeamGeometry, KernelError
 from bottomlock.kernel.models import InitialState
-from bottomlock.recordings.streams import Floats, Times
-from bottomlock.replay.tune.likelihood import Part, Scores, derivatives, part_of, scores
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.parameters import PRIOR_SD, STEP
 from bottomlock.replay.tune.passes import METHODS, Group, Inputs, Pass, fly
 
 WORST = 1e300
 """Value of a candidate whose filter ends in an error."""
+TAIL = 1e-3
+"""Probability beyond which an innovation squared counts as an outlier."""
+TERM = ("sensor", "horizon")
+"""Columns of scores that name a term of the criterion: every one counts alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +34,7 @@ class Candidate:
 
     at: Floats
     groups: Sequence[Group]
-    scores: Scores | None
+    scores: pl.DataFrame | None
     value: float
 
 
@@ -55,7 +63,7 @@ class Criterion:
         executor: threads for the passes; the results do not depend on their number.
         from_ns: time before which nothing is scored.
         methods: whose predictions are scored, each alike.
-        weights: (n,) of the innovations; every sensor and horizon counts alike.
+        weights: (n,) of the innovations; every sensor and horizon counts as many innovations as the rarest has.
         flown: number of passes so far.
     """
 
@@ -72,74 +80,107 @@ class Criterion:
 
     def candidates(self, places: Sequence[Floats]) -> list[Candidate]:
         """Candidates at several places, flown side by side."""
-        inputs = [self._inputs(one) for one in places]
-        jobs = [(given, one) for given in inputs for one in self.passes]
-        flown = list(self.executor.map(self._fly, jobs))
-        self.flown += len(jobs)
+        flown = list(self.executor.map(self._fly, [(at, one) for at in places for one in self.passes]))
+        self.flown += len(flown)
         count = len(self.passes)
-        return [self._candidate(one, flown[k * count : (k + 1) * count]) for k, one in enumerate(places)]
+        return [self._candidate(at, flown[k * count : (k + 1) * count]) for k, at in enumerate(places)]
 
-    def _inputs(self, at: Floats) -> Inputs | None:
+    def _fly(self, job: tuple[Floats, Pass]) -> list[Group] | None:
+        at, one = job
         try:
-            return self.inputs(at)
+            inputs = self.inputs(at)
+            return fly(one, self.geometry, inputs, self.start, from_ns=self.from_ns, methods=self.methods)
         except KernelError:
             return None
 
-    def _fly(self, job: tuple[Inputs | None, Pass]) -> list[tuple[Group, Part]] | None:
-        inputs, one = job
-        if inputs is None:
-            return None
+    def _candidate(self, at: Floats, flown: Sequence[list[Group] | None]) -> Candidate:
+        groups = [group for one in flown for group in one or ()]
         try:
-            groups = fly(one, self.geometry, inputs, self.start, from_ns=self.from_ns, methods=self.methods)
-        except KernelError:
-            return None
-        return [(group, part_of(group)) for group in groups]
-
-    def _candidate(self, at: Floats, flown: Sequence[list[tuple[Group, Part]] | None]) -> Candidate:
-        if any(one is None for one in flown):
+            scores = None if None in flown else scored(groups)
+        except np.linalg.LinAlgError:
+            scores = None
+        if scores is None:
             return Candidate(at, (), None, WORST)
-        groups, parts = zip(*(pair for one in flown if one is not None for pair in one), strict=True)
-        scored = scores(groups, parts)
         if not self.weights.size:
-            self.weights = weights_of(scored)
-        value = float(self.weights @ scored.value) if np.isfinite(scored.value).all() else WORST
+            count = scores.select(pl.len().over(TERM)).to_series().to_numpy()
+            self.weights = count.min() / count
+        total = float(self.weights @ scores["value"].to_numpy())
         apart = (at - self.prior) / PRIOR_SD
-        return Candidate(at, groups, scored, value + 0.5 * float(apart @ apart))
+        value = total + 0.5 * float(apart @ apart) if np.isfinite(total) else WORST
+        return Candidate(at, groups, scores, value)
 
     def slopes(self, at: Candidate) -> Slopes:
-        """The derivatives of the criterion at a candidate, by differences of the innovations.
+        """The derivatives of the criterion at a candidate, by those a step away in one parameter each.
 
         Raises:
             DataError: where the filter fails beside it.
         """
-        assert at.scores is not None
-        ahead = self._beside(at, STEP)
-        each, squares = derivatives(at.groups, [one.groups for one in ahead], STEP, self.executor)
-        gradient = self.weights[:, None] * each
-        precision = PRIOR_SD**-2
-        information = np.einsum("n,npq->pq", self.weights, squares) + precision * np.eye(len(at.at))
-        return Slopes(gradient, squares, gradient.sum(axis=0) + precision * (at.at - self.prior), information)
-
-    def _beside(self, at: Candidate, step: float) -> list[Candidate]:
-        """The candidates a step away in one parameter each."""
-        flown = self.candidates([at.at + row for row in step * np.eye(len(at.at))])
-        for k, one in enumerate(flown, start=1):
+        beside = self.candidates([at.at + row for row in STEP * np.eye(len(at.at))])
+        for k, one in enumerate(beside, start=1):
             if one.scores is None:
                 raise DataError(
-                    f"the filter ends in an error where parameter {k} of {len(flown)} is {step:+g} from its "
+                    f"the filter ends in an error where parameter {k} of {len(beside)} is {STEP:+g} from its "
                     "best value, at the edge of what it takes: replay the case and mend it first"
                 )
-        return flown
+        parts = [_derivatives(group, [one.groups[k] for one in beside]) for k, group in enumerate(at.groups)]
+        each, squares = (np.concatenate(part) for part in zip(*parts, strict=True))
+        gradients = self.weights[:, None] * each
+        precision = PRIOR_SD**-2
+        information = np.einsum("n,npq->pq", self.weights, squares) + precision * np.eye(len(at.at))
+        return Slopes(
+            gradients, squares, gradients.sum(axis=0) + precision * (at.at - self.prior), information
+        )
 
 
-def weights_of(scored: Scores) -> Floats:
-    """Weight (n,) of each innovation: every sensor and horizon counts as many innovations as the rarest has."""
-    terms = scored.terms.values()
-    least = min(int(term.sum()) for term in terms)
-    weights = np.zeros(len(scored.value))
-    for term in terms:
-        weights[term] = least / term.sum()
-    return weights
+def scored(groups: Sequence[Group]) -> pl.DataFrame:
+    """A row an innovation: sensor, horizon, time_ns, rows, NIS and value, its negative log-likelihood."""
+    parts = []
+    for group in groups:
+        rows = group.residual.shape[1]
+        nis = (white_residuals(group) ** 2).sum(axis=1)
+        _, log_det = np.linalg.slogdet(group.covariance)
+        value = 0.5 * (_loss(nis, rows) + rows * np.log(2.0 * np.pi) + log_det)
+        content = {"sensor": [group.sensor] * len(nis), "horizon": group.horizon, "time_ns": group.time_ns}
+        parts.append(pl.DataFrame(content | {"rows": [rows] * len(nis), "nis": nis, "value": value}))
+    return pl.concat(parts)
+
+
+def white_residuals(group: Group) -> Floats:
+    """Innovations (n, k) of unit covariance, independent where the model is right.
+
+    Raises:
+        LinAlgError: for a covariance that is none.
+    """
+    factor = np.linalg.cholesky(group.covariance)
+    return np.asarray(np.linalg.solve(factor, group.residual[..., None])[..., 0])
+
+
+def _loss(nis: Floats, rows: int) -> Floats:
+    """The NIS; beyond the bound that good innovations exceed once in 1/TAIL, its tangent in the root of the NIS."""
+    bound = chi2.isf(TAIL, rows)
+    return np.where(nis <= bound, nis, 2.0 * np.sqrt(bound * np.maximum(nis, bound)) - bound)
+
+
+def _derivatives(group: Group, beside: Sequence[Group]) -> tuple[Floats, Floats]:
+    """Gradient (n, P) of each innovation's value and its Fisher information (n, P, P), the gradient's expected square.
+
+    Args:
+        group: (n, k) innovations.
+        beside: the same a `STEP` away in each parameter.
+    """
+    dz = np.stack([one.residual - group.residual for one in beside]) / STEP
+    ds = np.stack([one.covariance - group.covariance for one in beside]) / STEP
+    inverse = np.linalg.inv(group.covariance)
+    scaled = np.einsum("nij,nj->ni", inverse, group.residual)
+    nis = np.einsum("ni,ni->n", scaled, group.residual)
+    weight = np.sqrt(np.minimum(1.0, chi2.isf(TAIL, group.residual.shape[1]) / np.maximum(nis, 1e-300)))
+    relative = np.einsum("nij,pnjk->pnik", inverse, ds)
+    fit = np.einsum("ni,pni->np", scaled, dz) - 0.5 * np.einsum("ni,pnij,nj->np", scaled, ds, scaled)
+    mean = np.einsum("pni,nij,qnj->npq", dz, inverse, dz, optimize=True)
+    return (
+        weight[:, None] * fit + 0.5 * np.einsum("pnii->np", relative),
+        mean + 0.5 * np.einsum("pnij,qnji->npq", relative, relative, optimize=True),
+    )
 
 
 ITERATIONS = 30
@@ -160,9 +201,7 @@ class Found:
 
 
 def search(
-    criterion: Criterion,
-    starts: Sequence[Floats],
-    progress: Callable[[int], None] = lambda _: None,
+    criterion: Criterion, starts: Sequence[Floats], progress: Callable[[int], None] = lambda _: None
 ) -> Found:
     """The best candidate from the best of some starts on.
 
@@ -215,8 +254,6 @@ OVERLAP = 3.0
 """Predictions over outages that share noise, in the place of one: neighbouring passes, and horizons of one outage."""
 BLOCKS = 12
 """Fewest blocks of a recording from which the scatter of their gradients is taken."""
-DETERMINED = 0.5
-"""Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
 
 
 def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Floats:
@@ -227,33 +264,22 @@ def uncertainty(criterion: Criterion, found: Found, block_s: float) -> Floats:
     measurements. Where the recording has enough blocks, and their gradients scatter more than that, the model is not
     right and their scatter counts.
     """
-    scored = found.best.scores
-    assert scored is not None
-    weight = criterion.weights
-    own = (
-        found.slopes.squares
-        * (len(criterion.methods) * weight * np.where(scored.horizon > 0, OVERLAP, 1.0) * weight)[
-            :, None, None
-        ]
-    )
-    prior = PRIOR_SD**-2 * np.eye(len(found.best.at))
-    inverse = np.asarray(np.linalg.inv(found.slopes.information))
-    sd = _sd(inverse, own.sum(axis=0) + prior)
-    blocks = _block_sums(found.slopes.gradients, scored.time_ns, block_s)
-    if len(blocks) >= BLOCKS:
-        scatter = blocks - blocks.mean(axis=0)
-        sd = np.maximum(sd, _sd(inverse, scatter.T @ scatter + prior))
-    return sd
+    scores, weight = found.best.scores, criterion.weights
+    assert scores is not None  # it is the best
+    overlap = np.where(scores["horizon"].to_numpy() > 0, OVERLAP, 1.0)
+    own = np.einsum("n,npq->pq", len(criterion.methods) * overlap * weight**2, found.slopes.squares)
+    prior = PRIOR_SD**-2 * np.eye(len(own))
+    inverse = np.linalg.inv(found.slopes.information)
+    sums = block_sums(scores, found.slopes.gradients, block_s)
+    scatter = sums - sums.mean(axis=0)
+    covariances = [own, *([scatter.T @ scatter] if len(sums) >= BLOCKS else [])]
+    sds = [np.sqrt(np.diag(inverse @ (one + prior) @ inverse)) for one in covariances]
+    return np.asarray(np.max(sds, axis=0))
 
 
-def _sd(inverse: Floats, covariance: Floats) -> Floats:
-    return np.asarray(np.sqrt(np.diag(inverse @ covariance @ inverse)))
-
-
-def _block_sums(gradient: Floats, time_ns: Times, block_s: float) -> Floats:
-    """Sums of the gradients over blocks of time; the last, incomplete one belongs to the one before it."""
-    block = ((time_ns - time_ns.min()) * 1e-9 // block_s).astype(np.intp)
-    count = max(1, int((time_ns.max() - time_ns.min()) * 1e-9 // block_s))
-    sums = np.zeros((count, gradient.shape[1]))
-    np.add.at(sums, np.minimum(block, count - 1), gradient)
+def block_sums(scores: pl.DataFrame, values: Floats, block_s: float) -> Floats:
+    """(b, ...) sums of values (n, ...) over blocks of time; the last, incomplete one belongs to the one before it."""
+    since_s = (scores["time_ns"].to_numpy() - scores["time_ns"].min()) * 1e-9
+    sums = np.zeros((max(1, int(since_s.max() // block_s)), *values.shape[1:]))
+    np.add.at(sums, np.minimum(since_s // block_s, len(sums) - 1).astype(np.intp), values)
     return sums

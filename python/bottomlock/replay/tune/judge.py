@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import polars as pl
 
-from bottomlock.recordings.streams import Floats
-from bottomlock.replay.tune.criterion import WORST, Candidate, Criterion
-from bottomlock.replay.tune.likelihood import white_residuals
+from bottomlock.replay.tune.criterion import TERM, WORST, Candidate, Criterion, block_sums, white_residuals
 from bottomlock.replay.tune.passes import LEFT_OUT, LOST_S, Group
 
 SUM_S = 30.0
@@ -16,7 +15,7 @@ SUM_S = 30.0
 
 @dataclass(frozen=True)
 class Term:
-    """A sensor and a horizon: innovations, rows, mean score a row, and error over claimed σ."""
+    """A sensor and a horizon: innovations, mean score a row, and error over claimed σ."""
 
     sensor: str
     horizon_s: float
@@ -44,26 +43,18 @@ class Judged:
 
 def judged(candidate: Candidate, horizons_s: Sequence[float]) -> Judged | None:
     """The judgement of a candidate; None where its filter ended in an error."""
-    scored = candidate.scores
-    if scored is None:
+    if candidate.scores is None:
         return None
-    terms = []
-    for (sensor, horizon), of in scored.terms.items():
-        rows = int(scored.rows[of].sum())
-        terms.append(
-            Term(
-                sensor,
-                LOST_S if sensor == LEFT_OUT else (0.0, *horizons_s)[horizon],
-                int(of.sum()),
-                float(scored.value[of].sum() / rows),
-                float(np.sqrt(scored.nis[of].sum() / rows)),
-            )
-        )
+    per_row = {name: pl.col(name).sum() / pl.col("rows").sum() for name in ("value", "nis")}
+    table = candidate.scores.group_by(TERM).agg(pl.len(), per_row["value"], per_row["nis"].sqrt()).sort(TERM)
+    terms = [
+        Term(sensor, LOST_S if sensor == LEFT_OUT else (0.0, *horizons_s)[horizon], *numbers)
+        for sensor, horizon, *numbers in table.iter_rows()
+    ]
     steps = [group for group in candidate.groups if group.sensor == "beams" and not group.horizon.any()]
-    most = max(steps, key=lambda group: len(group.time_ns), default=None)
-    autocorrelation, sums = (np.nan, np.nan) if most is None else _whiteness(most)
-    left_out = [term.error_over_sd for term in terms if term.sensor == LEFT_OUT]
-    return Judged(tuple(terms), autocorrelation, sums, left_out[0] if left_out else np.nan)
+    whiteness = _whiteness(max(steps, key=lambda group: len(group.time_ns))) if steps else (np.nan, np.nan)
+    left_out = next((term.error_over_sd for term in terms if term.sensor == LEFT_OUT), np.nan)
+    return Judged(tuple(terms), *whiteness, left_out)
 
 
 def _whiteness(group: Group) -> tuple[float, float]:
@@ -74,7 +65,8 @@ def _whiteness(group: Group) -> tuple[float, float]:
     neighbours = float((white[1:] * white[:-1]).mean() / (white**2).mean())
     block = ((group.time_ns - group.time_ns[0]) * 1e-9 // SUM_S).astype(np.intp)
     counts = np.bincount(block)
-    sums = np.stack([np.bincount(block, column) for column in white.T], axis=1)
+    sums = np.zeros((len(counts), white.shape[1]))
+    np.add.at(sums, block, white)
     full = counts >= max(2, int(0.5 * np.median(counts)))
     return neighbours, float((sums[full] ** 2 / counts[full, None]).mean())
 
@@ -86,8 +78,7 @@ def gain_of(criterion: Criterion, old: Candidate, new: Candidate, block_s: float
     """
     if old.scores is None or new.scores is None:
         return (WORST if old.scores is None else -WORST), 0.0
-    gain: Floats = criterion.weights * (old.scores.value - new.scores.value)
-    block = ((new.scores.time_ns - new.scores.time_ns.min()) * 1e-9 // block_s).astype(np.intp)
-    sums = np.bincount(block, gain)
+    gain = criterion.weights * (old.scores["value"] - new.scores["value"]).to_numpy()
+    sums = block_sums(new.scores, gain, block_s)
     sd = float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else float("nan")
     return float(gain.sum()), sd

@@ -127,7 +127,7 @@ def passes_of(
     if not horizons_s:
         return [Pass(log, None, None)]
     outages = [_with_outages(log, horizons_s, phase / PHASES, readings) for phase in range(PHASES)]
-    left_out = beams_left_out(log, readings)
+    left_out = _beams_left_out(log, readings)
     return [Pass(log, None, None), *outages, *([] if left_out is None else [left_out])]
 
 
@@ -143,30 +143,25 @@ def _with_outages(
     any_beam = np.any(log["beam_valid"], axis=1)
     # With the ping that ends the longest horizon the beams are used again.
     kept = ~(into_s < horizons_s[-1])
-    withheld = np.zeros(len(time_ns), dtype=bool)
     horizon = np.zeros(len(time_ns), dtype=np.intp)
     for place, at_s in enumerate(horizons_s, start=1):
         after = np.flatnonzero((start_s >= 0.0) & any_beam & (into_s >= at_s))
-        _, first = np.unique(outage[after], return_index=True)
-        rows = after[first]
-        rows = rows[(into_s[rows] - at_s) < 0.5 * at_s]
-        withheld[rows], horizon[rows] = True, place
-    rows = np.flatnonzero(kept | withheld)
-    pings = {
-        key: log[key][rows] for key in ("dvl_time_ns", "beam_velocity_mps", "beam_valid", "beam_sd_mps")
-    } | {"dvl_withheld": withheld[rows]}
-    pings |= readings(log["beam_valid"] & (kept & ~withheld)[:, None])
-    scored = np.flatnonzero(withheld)
-    return Pass(dict(log) | pings, time_ns[scored], horizon[scored])
+        rows = after[np.unique(outage[after], return_index=True)[1]]
+        horizon[rows[(into_s[rows] - at_s) < 0.5 * at_s]] = place
+    rows, made = (
+        np.flatnonzero(kept | (horizon > 0)),
+        readings(log["beam_valid"] & (kept & (horizon == 0))[:, None]),
+    )
+    return _pass(log, rows, horizon[rows], made)
 
 
-def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> Pass | None:
+def _beams_left_out(log: Mapping[str, Any], readings: Readings) -> Pass | None:
     """The pass in which one beam after the other is lost for a minute, and predicted; None with fewer than three beams.
 
     The lost beam is predicted a nanosecond after the others were used.
     """
     valid = log["beam_valid"]
-    beams = valid.shape[1]
+    count, beams = valid.shape
     if beams < 3:
         return None
     since_s = (log["dvl_time_ns"] - log["dvl_time_ns"][0]) * 1e-9
@@ -180,20 +175,40 @@ def beams_left_out(log: Mapping[str, Any], readings: Readings = as_recorded) -> 
     predicted = known[np.append(span[1:] != span[:-1], True)] if known.size else known
     if not predicted.size:
         return None
-    order = np.argsort(np.concatenate([np.arange(len(valid)), predicted + 0.5]), kind="stable")
-    twice = np.concatenate([np.arange(len(valid)), predicted])[order]
-    is_second = (np.arange(len(valid) + len(predicted)) >= len(valid))[order]
-    time_ns = log["dvl_time_ns"][twice] + is_second
-    left = valid[twice] & (is_lost[twice] == is_second[:, None])
-    pings = {
-        "dvl_time_ns": time_ns,
-        "beam_velocity_mps": np.where(left, log["beam_velocity_mps"][twice], np.nan),
-        "beam_sd_mps": log["beam_sd_mps"][twice],
+    rows = np.sort(np.concatenate([np.arange(count), predicted]))
+    is_second = np.concatenate([[False], rows[1:] == rows[:-1]])
+    left = valid[rows] & (is_lost[rows] == is_second[:, None])
+    changed = {
+        "dvl_time_ns": log["dvl_time_ns"][rows] + is_second,
+        "beam_velocity_mps": np.where(left, log["beam_velocity_mps"][rows], np.nan),
         "beam_valid": left,
-        "dvl_withheld": is_second,
     }
-    pings |= readings(valid & ~is_lost)
-    return Pass(dict(log) | pings, time_ns[is_second], np.ones(len(predicted), dtype=np.intp), LEFT_OUT)
+    return _pass(log, rows, is_second.astype(np.intp), readings(valid & ~is_lost), changed, LEFT_OUT)
+
+
+def _pass(
+    log: Mapping[str, Any],
+    rows: NDArray[np.intp],
+    horizon: NDArray[np.intp],
+    made: Mapping[str, Floats],
+    changed: Mapping[str, Any] | None = None,
+    name: str = "beams",
+) -> Pass:
+    """A pass over pings of a log, of which those with a horizon are withheld.
+
+    Args:
+        log: as the kernel takes it.
+        rows, horizon: (n,) pings, and the horizon of each, 0 for those that are used.
+        made: readings that are made of the beams that are used.
+        changed: columns of the pings (n,) that are others than in the log.
+        name: of the predictions.
+    """
+    withheld = horizon > 0
+    pings = {key: log[key][rows] for key in ("dvl_time_ns", "beam_velocity_mps", "beam_valid", "beam_sd_mps")}
+    pings |= {"dvl_withheld": withheld} | dict(changed or {})
+    # Of a log that is cut short the first of them.
+    pings |= {key: values[: len(log["imu_time_ns"])] for key, values in made.items()}
+    return Pass(dict(log) | pings, pings["dvl_time_ns"][withheld], horizon[withheld], name)
 
 
 def fly(

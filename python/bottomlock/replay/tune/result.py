@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,9 @@ def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> 
 def record(tuned: Tuned) -> dict[str, Any]:
     """What was tuned, by versions, case and files with their SHA-256, and what was found, as JSON holds it."""
     case = tuned.case
+    found = {
+        one.name: getattr(tuned, one.name) for one in fields(tuned) if one.name not in {"case", "parameters"}
+    }
     content: dict[str, Any] = plain(
         {
             "kind": KIND,
@@ -98,20 +102,9 @@ def record(tuned: Tuned) -> dict[str, Any]:
             "configuration_hash": case.content_hash(),
             "files": file_digests(case),
             "dvl_file": hashlib.sha256(geometry_text(case.dvl.geometry).encode()).hexdigest(),
-            "fraction": tuned.fraction,
-            "methods": list(tuned.methods),
             "is_better": tuned.is_better,
             "parameters": [vars(one) | {"is_written": one.key in tuned.values} for one in tuned.parameters],
-            "horizons_s": list(tuned.horizons_s),
-            "outliers": list(tuned.outliers),
-            "old": tuned.old,
-            "new": tuned.new,
-            "gain": tuned.gain,
-            "gain_sd": tuned.gain_sd,
-            "has_settled": tuned.has_settled,
-            "iterations": tuned.iterations,
-            "passes": tuned.passes,
-            "wall_s": round(tuned.wall_s, 3),
         }
+        | found
     )
     return content

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,9 +11,9 @@ import numpy as np
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.own_method import known_names, not_replaced
-from bottomlock.recordings.streams import Flags, Floats
+from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.tune.criterion import DETERMINED, Criterion, Found, search, uncertainty
+from bottomlock.replay.tune.criterion import Criterion, Found, search, uncertainty
 from bottomlock.replay.tune.judge import Judged, gain_of, judged
 from bottomlock.replay.tune.parameters import PRIOR_SD, Parameter, coordinates_of
 from bottomlock.replay.tune.passes import (
@@ -21,7 +21,6 @@ from bottomlock.replay.tune.passes import (
     METHODS,
     RECOVERY_S,
     Inputs,
-    Recording,
     cut,
     horizons_of,
     passes_of,
@@ -32,6 +31,8 @@ from bottomlock.support.nearest import did_you_mean
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
 """Factors on the inertial noise of the case from which the search may start; the best of them does."""
+DETERMINED = 0.5
+"""Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
 GAIN_SIGMAS = 2.0
 """Gain on the rest, in its 1 sigma, from which on new values are better by more than chance."""
 
@@ -152,111 +153,82 @@ def tune_case(
             expected="80 s or more to tune on",
         )
     recording = replace(given, log=without_outliers(given))
-    executor = ThreadPoolExecutor(threads or os.cpu_count())
-    try:
-        tuning = _Search(recording, split_ns, horizons, tuple(methods), executor, progress)
-        parameters = recording.noise
-        found, new = tuning.estimate(parameters, _starts(parameters))
-        kept = [k for k, one in enumerate(new) if one.is_determined]
-        iterations = found.iterations
-        if 0 < len(kept) < len(new):
+    block_s = horizons[-1] + RECOVERY_S
+    with ThreadPoolExecutor(threads or os.cpu_count()) as executor:
+
+        def criterion(
+            inputs: Callable[[Floats], Inputs], prior: Floats, to_ns: int, from_ns: int
+        ) -> Criterion:
+            passes = passes_of(cut(recording.log, to_ns), horizons, recording.readings)
+            return Criterion(
+                recording.geometry, recording.start, passes, inputs, prior, executor, from_ns, tuple(methods)
+            )
+
+        def estimate(noise: Sequence[Parameter], starts: Sequence[Floats]) -> _Estimate:
+            keys = [one.key for one in noise]
+            own = criterion(
+                lambda at: recording.inputs(dict(zip(keys, np.exp(at).tolist(), strict=True))),
+                coordinates_of(noise), split_ns, 0,
+            )  # fmt: skip
+            return _Estimate(noise, own, search(own, starts, lambda k: progress(k, own.flown)), block_s)
+
+        found = estimate(recording.noise, _starts(recording.noise))
+        parameters, flown = found.parameters(DETERMINED * PRIOR_SD), found.criterion.flown
+        kept = [k for k, one in enumerate(parameters) if one.is_determined]
+        if 0 < len(kept) < len(parameters):
             # What the recording does not determine stays as it is, and the rest is found beside that.
-            found, again = tuning.estimate([parameters[k] for k in kept], [found.best.at[kept]], is_last=True)
-            iterations += found.iterations
-            for k, one in zip(kept, again, strict=True):
-                new[k] = one
-        chosen = {one.key: one.value for one in new if one.is_determined}
-        old_judged, new_judged, gain, gain_sd = tuning.judge(chosen)
-    finally:
-        executor.shutdown(cancel_futures=True)
+            found = estimate([recording.noise[k] for k in kept], [found.found.best.at[kept]])
+            for k, one in zip(kept, found.parameters(np.inf), strict=True):
+                parameters[k] = one
+            flown += found.criterion.flown
+        both = [{}, {one.key: one.value for one in parameters if one.is_determined}]
+        rest = criterion(lambda at: recording.inputs(both[int(at[0])]), np.zeros(1), int(times[-1]), split_ns)
+        old, new = rest.candidates([np.array([place]) for place in (0.0, 1.0)])
+    gain, gain_sd = gain_of(rest, old, new, block_s)
     valid = given.log["beam_valid"]
     return Tuned(
         case=case,
-        parameters=tuple(new),
+        parameters=tuple(parameters),
         horizons_s=horizons,
         fraction=fraction,
         methods=tuple(methods),
         outliers=(int((valid & ~recording.log["beam_valid"]).sum()), int(valid.sum())),
-        old=old_judged,
-        new=new_judged,
+        old=judged(old, horizons),
+        new=judged(new, horizons),
         gain=gain,
         gain_sd=gain_sd,
-        has_settled=found.has_settled,
-        iterations=iterations,
-        passes=tuning.passes,
+        has_settled=found.found.has_settled,
+        iterations=found.found.iterations,
+        passes=flown + rest.flown,
         wall_s=time.perf_counter() - started,
     )
 
 
-@dataclass(eq=False)
-class _Search:
-    """A search over a recording, whose first part ends at `split_ns`; `passes` are those over it so far."""
+@dataclass(frozen=True, eq=False)
+class _Estimate:
+    """Settings, the criterion of the part that they are estimated on, what was found, and the length of its blocks."""
 
-    recording: Recording
-    split_ns: int
-    horizons_s: tuple[float, ...]
-    methods: tuple[str, ...]
-    executor: ThreadPoolExecutor
-    progress: Callable[[int, int], None]
-    passes: int = 0
+    noise: Sequence[Parameter]
+    criterion: Criterion
+    found: Found
+    block_s: float
 
-    @property
-    def block_s(self) -> float:
-        """Length of the blocks that are independent of each other."""
-        return self.horizons_s[-1] + RECOVERY_S
+    def parameters(self, most_sd: float) -> list[TunedParameter]:
+        """What was found of each; beyond `most_sd` of its logarithm it keeps its value, with the sigma of its prior.
 
-    def estimate(
-        self, parameters: Sequence[Parameter], starts: Sequence[Floats], *, is_last: bool = False
-    ) -> tuple[Found, list[TunedParameter]]:
-        """What was found on the first part; the last estimate takes all parameters for determined."""
-
-        def values(at: Floats) -> dict[str, float]:
-            return dict(zip([one.key for one in parameters], np.exp(at).tolist(), strict=True))
-
-        def inputs(at: Floats) -> Inputs:
-            return self.recording.inputs(values(at))
-
-        before = self.passes
-        criterion = self._criterion(inputs, coordinates_of(parameters), self.split_ns)
-        found = search(
-            criterion, starts, lambda iteration: self.progress(iteration, before + criterion.flown)
-        )
-        sds = uncertainty(criterion, found, self.block_s)
-        gains = _gains(criterion, found, parameters)
-        self.passes += criterion.flown
-        return found, [
+        A gain is that of the new value against the one that the search began with, with the others as new.
+        """
+        best = self.found.best
+        before = np.tile(best.at, (len(self.noise), 1))
+        np.fill_diagonal(before, self.criterion.prior)
+        gains = [one.value - best.value for one in self.criterion.candidates(list(before))]
+        sds = uncertainty(self.criterion, self.found, self.block_s).tolist()
+        return [
             TunedParameter(one.key, one.words, one.old, value, sd * value, is_determined=True, gain=gain)
-            if is_last or sd < DETERMINED * PRIOR_SD
-            else replace(_undetermined(one), sd=sd * value)
-            for one, value, sd, gain in zip(
-                parameters, values(found.best.at).values(), sds.tolist(), gains, strict=True
-            )
-        ]
-
-    def judge(self, new: Mapping[str, float]) -> tuple[Judged | None, Judged | None, float, float]:
-        """Old and new values on the rest of the recording, the gain and its 1 sigma."""
-        both = [self.recording.inputs(values) for values in ({}, new)]
-        end_ns = int(self.recording.log["imu_time_ns"][-1])
-        rest = self._criterion(lambda at: both[int(at[0])], np.zeros(1), end_ns, from_ns=self.split_ns)
-        first, second = (rest.candidates([np.array([place])])[0] for place in (0.0, 1.0))
-        self.passes += rest.flown
-        gain, gain_sd = gain_of(rest, first, second, self.block_s)
-        return judged(first, self.horizons_s), judged(second, self.horizons_s), gain, gain_sd
-
-    def _criterion(
-        self, inputs: Callable[[Floats], Inputs], prior: Floats, to_ns: int, from_ns: int = 0
-    ) -> Criterion:
-        recording, log = self.recording, cut(self.recording.log, to_ns)
-
-        def readings(valid: Flags) -> dict[str, Floats]:
-            return {
-                key: values[: len(log["imu_time_ns"])] for key, values in recording.readings(valid).items()
-            }
-
-        passes = passes_of(log, self.horizons_s, readings)
-        return Criterion(
-            recording.geometry, recording.start, passes, inputs, prior, self.executor, from_ns, self.methods
-        )
+            if sd < most_sd else
+            TunedParameter(one.key, one.words, one.old, one.old, one.start * PRIOR_SD, is_determined=False, gain=0.0)
+            for one, value, sd, gain in zip(self.noise, np.exp(best.at).tolist(), sds, gains, strict=True)
+        ]  # fmt: skip
 
 
 def _starts(parameters: Sequence[Parameter]) -> list[Floats]:
@@ -265,17 +237,3 @@ def _starts(parameters: Sequence[Parameter]) -> list[Floats]:
     return [
         coordinates_of(parameters, {one.key: one.start * factor for one in noise}) for factor in START_FACTORS
     ]
-
-
-def _gains(criterion: Criterion, found: Found, parameters: Sequence[Parameter]) -> list[float]:
-    """Gain of each new value against the one that the search began with, with the others as new."""
-    old = np.tile(found.best.at, (len(parameters), 1))
-    np.fill_diagonal(old, coordinates_of(parameters))
-    return [one.value - found.best.value for one in criterion.candidates(list(old))]
-
-
-def _undetermined(one: Parameter) -> TunedParameter:
-    """A setting that keeps its value, with the sigma of its prior."""
-    return TunedParameter(
-        one.key, one.words, one.old, one.old, one.start * PRIOR_SD, is_determined=False, gain=0.0
-    )
