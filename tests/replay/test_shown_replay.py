@@ -15,7 +15,7 @@ import bottomlock
 from bottomlock.errors import DataError
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.figures import Drawing
+from bottomlock.replay.page import Drawing
 from bottomlock.replay.report import dive_of, drawings
 from bottomlock.replay.shown_replay import Replay, run_replay
 

@@ -15,7 +15,7 @@ from bottomlock.pages.plots import is_utc
 from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
-from bottomlock.replay.dive_plots import REFERENCE_COLOUR
+from bottomlock.replay.panels import REFERENCE_COLOUR
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,30 +1,57 @@
-"""A dive to look into: for each what-if case and method panels against UTC and the way over ground."""
+"""A dive to look into: maps of its tracks, and for each what-if case and method panels against UTC and a map."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from bottomlock.figures.palette import stroke
-from bottomlock.figures.series import Curve, Floats, Frame, Panel, Times, Track, View, frame_of, valid_panel
+from bottomlock.figures.series import Floats, Frame, Times, Track, View, frame_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
-from bottomlock.replay.figures import nis_band, nis_ratios
 from bottomlock.replay.findings.against_reckoning import TRUSTED
+from bottomlock.replay.panels import (
+    REFERENCE_COLOUR,
+    beams_panel,
+    current_panels,
+    dash,
+    floats,
+    nis_panel,
+    plain,
+    state_panels,
+    times,
+)
 from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 REFERENCE = "reference"
-REFERENCE_COLOUR = "#8b949e"
-LOST_COLOURS = ("#f0c24b", "#f0862d", "#d6391f", "#9c2a6e")
-"""Of a track where one, two, three, four or more beams are lost."""
-PITCH_COLOUR = "#f56803"
 SPAN = 1.5
 """A method that needs more than this many times the map of the track to take is cut off by its frame."""
 LATE = 3.0
 """Medians of the steps between pings after which no ping is known any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """What a plan view shows.
+
+    Attributes:
+        tracks: the way of each method.
+        smoothed: of the smoothed passes.
+        reference: None without its positions.
+        frame: what the map shows, at least.
+        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
+        lost: a track and (n,) how many beams are lost there.
+    """
+
+    tracks: Mapping[str, Track]
+    smoothed: Mapping[str, Track]
+    reference: Track | None
+    frame: Frame
+    claims: Sequence[str]
+    lost: tuple[Track, Floats]
 
 
 def taken(manifest: Mapping[str, Any]) -> str:
@@ -32,6 +59,25 @@ def taken(manifest: Mapping[str, Any]) -> str:
     methods = manifest["methods"]
     wanted = (manifest.get("answer", {}).get("method"), "tc", *methods)
     return str(next(one for one in wanted if one in methods))
+
+
+def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
+    """The map of a what-if case with methods, the track to take and dead reckoning."""
+    own, first = tables.of(what_if), taken(tables.manifest)
+    wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in tables.manifest["methods"])]
+    tracks = tracks_of(own.samples, list(dict.fromkeys(wanted)))
+    reference = None
+    if own.path is not None:
+        within = pl.col("time_ns").is_between(own.samples["time_ns"].min(), own.samples["time_ns"].max())
+        rows = own.path.filter(within)
+        places = (floats(rows, "north_m"), floats(rows, "east_m"))
+        if rows.height:
+            reference = Track(REFERENCE, REFERENCE_COLOUR, times(rows), *places, width=5.0)
+    return Map(
+        tracks, tracks_of(own.samples, methods, SMOOTHED), reference, framed(tracks, reference, first),
+        claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
+        lost=(tracks[first], lost_beams(own.pings, tracks[first].time_ns)),
+    )  # fmt: skip
 
 
 def tracks_of(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWARD) -> dict[str, Track]:
@@ -42,25 +88,10 @@ def tracks_of(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWAR
         rows = of_pass.filter(pl.col("method") == method)
         if rows.height:
             made[method] = Track(
-                method,
-                stroke(method).colour,
-                _times(rows),
-                north_m=_floats(rows, "north_m"),
-                east_m=_floats(rows, "east_m"),
-                sd_north_m=_floats(rows, "sd_position_north_m"),
-                sd_east_m=_floats(rows, "sd_position_east_m"),
-                dash=_dash(method),
-            )
+                method, stroke(method).colour, times(rows), floats(rows, "north_m"), floats(rows, "east_m"),
+                floats(rows, "sd_position_north_m"), floats(rows, "sd_position_east_m"), dash=dash(method),
+            )  # fmt: skip
     return made
-
-
-def reference_track(path: pl.DataFrame | None, samples: pl.DataFrame) -> Track | None:
-    """The reference while the filters run; None without its positions."""
-    if path is None:
-        return None
-    rows = path.filter(pl.col("time_ns").is_between(samples["time_ns"].min(), samples["time_ns"].max()))
-    places = (_floats(rows, "north_m"), _floats(rows, "east_m"))
-    return Track(REFERENCE, REFERENCE_COLOUR, _times(rows), *places, width=5.0) if rows.height else None
 
 
 def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> Frame:
@@ -84,12 +115,10 @@ def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> 
 def holds(frame: Frame, track: Track) -> bool:
     """Whether a map shows a whole track."""
     north, east = track.north_m, track.east_m
-    return bool(
-        (north >= frame.south_m).all()
-        and (north <= frame.north_m).all()
-        and (east >= frame.west_m).all()
-        and (east <= frame.east_m).all()
+    inside = (
+        (north >= frame.south_m) & (north <= frame.north_m) & (east >= frame.west_m) & (east <= frame.east_m)
     )
+    return bool(inside.all())
 
 
 def _extent(frame: Frame) -> float:
@@ -117,6 +146,9 @@ def lost_beams(pings: pl.DataFrame, time_ns: Times) -> Floats:
     return most
 
 
+CAPTION = "The way over ground, and the estimates against time"
+
+
 def plots_of(tables: ReplayTables, *, methods: Mapping[str, Sequence[str]], least_ratio: float) -> Plots:
     """Every view of a dive.
 
@@ -125,52 +157,33 @@ def plots_of(tables: ReplayTables, *, methods: Mapping[str, Sequence[str]], leas
         methods: to choose from, by what-if case.
         least_ratio: of NIS and its degrees, which noise as claimed leads to.
     """
-    manifest = tables.manifest
-    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
-    first = taken(manifest)
+    manifest, first = tables.manifest, taken(tables.manifest)
     cases = [name for name, _ in manifest["what_if"]]
     shown = list(dict.fromkeys([first, *(method for case in cases for method in methods[case])]))
-    smoothed = _smoothed(tables.samples, first)
+    smoothed = (tables.samples["method"] == first) & (tables.samples["pass"] == SMOOTHED)
+    passes = {method: (method, FORWARD) for method in shown}
+    passes |= {f"{first}, smoothed": (first, SMOOTHED)} if smoothed.any() else {}
     views: dict[tuple[str, ...], View] = {}
     for case in cases:
-        own = tables.of(case)
-        tracks = tracks_of(own.samples, [*shown, DEAD_RECKONING])
-        reference = reference_track(own.path, own.samples)
-        frame = framed(tracks, reference, first)
-        beams = beams_panel(own.pings)
-        lost = lost_beams(own.pings, next(iter(tracks.values())).time_ns)
-        for method, which in [*((one, FORWARD) for one in shown), *((one, SMOOTHED) for one in smoothed)]:
+        own, charted, beams = tables.of(case), map_of(tables, case, shown), beams_panel(tables.of(case).pings)
+        for label, (method, which) in passes.items():
+            nis = nis_panel(own.innovations, [method], least_ratio, compared=False)
             panels = [
-                *state_panels(own.samples, method, which),
+                *(panel for of in state_panels(own.samples, method, which).values() for panel in of),
                 beams,
-                *nis_panels(own.innovations, method, least_ratio),
+                *([nis] if nis.curves else []),
                 *current_panels(own.currents, method),
             ]
-            ways = [
-                *tracks_of(own.samples, [method], which).values(),
-                *(tracks[one] for one in (DEAD_RECKONING,) if one in tracks and one != method),
-            ]
-            ways[0] = _with_lost(ways[0], lost)
-            label = method if which == FORWARD else f"{method}, smoothed"
-            views[_plain(case), label] = View(panels, [*ways, *([reference] if reference else [])], frame)
+            (way,) = tracks_of(own.samples, [method], which).values()
+            floor = charted.tracks.get(DEAD_RECKONING) if method != DEAD_RECKONING else None
+            ways = [replace(way, lost=charted.lost[1], width=2.0), floor, charted.reference]
+            views[plain(case), label] = View(panels, [one for one in ways if one is not None], charted.frame)
     choices = [
-        Choice("Conditions", [_plain(case) for case in cases], _plain(cases[0])),
-        Choice("Method", [*shown, *(f"{one}, smoothed" for one in smoothed)], first),
+        Choice("Conditions", [plain(case) for case in cases], plain(cases[0])),
+        Choice("Method", list(passes), first),
     ]
+    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
     return Plots(CAPTION, choices, views, start_ns, _place(manifest.get("origin")))
-
-
-CAPTION = "The way over ground, and the estimates against time"
-
-
-def _smoothed(samples: pl.DataFrame, method: str) -> list[str]:
-    """The method where it has a smoothed pass."""
-    there = (samples["method"] == method) & (samples["pass"] == SMOOTHED)
-    return [method] if there.any() else []
-
-
-def _with_lost(track: Track, lost: Floats) -> Track:
-    return replace(track, lost=lost, width=2.0)
 
 
 def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, float] | None:
@@ -186,166 +199,3 @@ def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, flo
         degree * (meridian + height),
         degree * (transverse + height) * float(np.cos(latitude)),
     )
-
-
-def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Velocity with ±σ, σ of the position, depth and attitude of a method in one case, over dead reckoning."""
-    return [panel for panels in STATES.values() for panel in panels(samples, method, which)]
-
-
-def velocity_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Surge, sway and heave with ±σ; as `state_panels`."""
-    return [
-        Panel(
-            f"{axis}, m/s",
-            _over_reckoning(samples, method, which, f"{axis}_mps", f"sd_velocity_{axis}_mps"),
-            decimals=3,
-        )
-        for axis in ("surge", "sway", "heave")
-    ]
-
-
-def position_sd_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Claimed σ of the horizontal position, and its error where it is known; as `state_panels`."""
-    rows, floor = _rows_of(samples, method, which)
-    horizontal = []
-    for name, one in ((DEAD_RECKONING, floor), (method, rows)):
-        if one.height:
-            sd = _norm(one, "sd_position")
-            horizontal.append(
-                Curve(f"σ, {_plain(name)}", stroke(name).colour, _times(one), sd, None, _dash(name))
-            )
-    error = _norm(rows, "err_position")
-    if np.isfinite(error).any():
-        horizontal.append(Curve("error", REFERENCE_COLOUR, _times(rows), error, width=2.0))
-    return [Panel("σ of position, horizontal, m", horizontal, decimals=2)]
-
-
-def depth_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Depth with ±σ; as `state_panels`."""
-    curves = _over_reckoning(samples, method, which, "down_m", "sd_position_down_m")
-    return [Panel("depth below the origin, m", curves, decimals=2)]
-
-
-def attitude_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> list[Panel]:
-    """Roll and pitch, then heading; as `state_panels`."""
-    rows, _ = _rows_of(samples, method, which)
-    return [
-        Panel(
-            "roll and pitch, °",
-            [
-                Curve("roll", stroke(method).colour, _times(rows), _floats(rows, "roll_deg")),
-                Curve("pitch", PITCH_COLOUR, _times(rows), _floats(rows, "pitch_deg"), dash=(5.0, 2.0)),
-            ],
-        ),
-        Panel(
-            "heading, °",
-            _unwrapped(_over_reckoning(samples, method, which, "yaw_deg")),
-            period=360.0,
-        ),
-    ]
-
-
-STATES: Mapping[str, Callable[[pl.DataFrame, str, str], list[Panel]]] = {
-    "velocity": velocity_panels,
-    "position_sd": position_sd_panels,
-    "depth": depth_panels,
-    "attitude": attitude_panels,
-}
-"""Panels of samples, method and pass, by quantity."""
-
-
-def _rows_of(samples: pl.DataFrame, method: str, which: str) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """The rows of a method, and those of dead reckoning beside it, which may be none."""
-    reckoned = pl.col("method") == DEAD_RECKONING
-    beside = samples.filter(reckoned) if method != DEAD_RECKONING else samples.clear()
-    return samples.filter((pl.col("method") == method) & (pl.col("pass") == which)), beside
-
-
-def _over_reckoning(samples: pl.DataFrame, method: str, which: str, name: str, sd: str = "") -> list[Curve]:
-    rows, floor = _rows_of(samples, method, which)
-    under = [_curve(floor, DEAD_RECKONING, name)] if floor.height else []
-    return [*under, _curve(rows, method, name, sd)]
-
-
-def beams_panel(pings: pl.DataFrame, case: str = "") -> Panel:
-    """When each beam was valid, in one case; `case` is named where several panels stand together."""
-    valid = pings.select(pl.col("^beam[0-9]+_valid$")).to_numpy().astype(bool)
-    return valid_panel(_times(pings), valid, title=f"beams valid, {_plain(case)}" if case else "beams valid")
-
-
-def nis_panels(innovations: pl.DataFrame, method: str, least_ratio: float) -> list[Panel]:
-    """NIS of each ping over its degrees, its sliding mean and the band of that; none for a method without fixes."""
-    rows = innovations.filter(
-        (pl.col("method") == method) & pl.col("nis").is_not_null() & (pl.col("degrees") > 0)
-    )
-    mean = nis_ratios(rows)
-    if mean is None:
-        return []
-    time_ns, ratio = _times(rows), (rows["nis"] / rows["degrees"]).to_numpy()
-    rejected = (rows["status"] == "rejected").to_numpy()
-    curves = [
-        Curve("ping", REFERENCE_COLOUR, time_ns[~rejected], ratio[~rejected], kind="dots"),
-        *(
-            [Curve("rejected", LOST_COLOURS[2], time_ns[rejected], ratio[rejected], kind="dots")]
-            if rejected.any()
-            else []
-        ),
-        Curve("mean of 30 pings", stroke(method).colour, *mean),
-    ]
-    return [
-        Panel(
-            "NIS over its degrees of freedom", curves, decimals=3, log=True, band=nis_band(rows, least_ratio)
-        )
-    ]
-
-
-def current_panels(currents: pl.DataFrame | None, method: str) -> list[Panel]:
-    """The current that a method estimates with ±σ; none where it estimates none."""
-    rows = currents.filter(pl.col("method") == method) if currents is not None else None
-    if rows is None or rows.is_empty():
-        return []
-    looks = {"north": (stroke(method).colour, ()), "east": (PITCH_COLOUR, (5.0, 2.0))}
-    curves = [
-        Curve(axis, colour, _times(rows), _floats(rows, f"{axis}_mps"), _floats(rows, f"sd_{axis}_mps"), dash)
-        for axis, (colour, dash) in looks.items()
-    ]
-    return [Panel(f"current, {_plain(method)}, m/s", curves, decimals=3)]
-
-
-def _curve(rows: pl.DataFrame, method: str, name: str, sd: str = "") -> Curve:
-    return Curve(
-        _plain(method), stroke(method).colour, _times(rows), _floats(rows, name),
-        _floats(rows, sd) if sd else None, _dash(method),
-    )  # fmt: skip
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _dash(method: str) -> tuple[float, ...]:
-    """Dead reckoning alone is dashed: beside it stands one method."""
-    return (6.0, 3.0) if method == DEAD_RECKONING else ()
-
-
-def _unwrapped(curves: Sequence[Curve]) -> list[Curve]:
-    """Angles in degrees that go on where they go around, all from the same turn."""
-    going = [np.unwrap(curve.value, period=360.0) for curve in curves]
-    first = going[-1][:1]
-    turns = [360.0 * np.round((first - value[:1]) / 360.0) for value in going]
-    return [
-        replace(curve, value=value + turn) for curve, value, turn in zip(curves, going, turns, strict=True)
-    ]
-
-
-def _norm(rows: pl.DataFrame, name: str) -> Floats:
-    return np.hypot(_floats(rows, f"{name}_north_m"), _floats(rows, f"{name}_east_m"))
-
-
-def _times(rows: pl.DataFrame) -> Times:
-    return rows["time_ns"].to_numpy()
-
-
-def _floats(rows: pl.DataFrame, name: str) -> Floats:
-    return rows[name].fill_null(np.nan).to_numpy()

@@ -1,8 +1,5 @@
 """Plan view of a replay: scaled to the tracks to be trusted, with claimed σ, beams lost, scale and north."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,33 +10,14 @@ from matplotlib.ticker import MaxNLocator
 from bottomlock.figures.labels import Line, coincident, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, marks, new_figure
 from bottomlock.figures.series import Floats, Frame, Track
-from bottomlock.replay.dive_plots import LOST_COLOURS
+from bottomlock.replay.dive_plots import Map
 
+LOST_COLOURS = ("#f0c24b", "#f0862d", "#d6391f", "#9c2a6e")
+"""Of a track where one, two, three, four or more beams are lost."""
 ELLIPSES = 8
 """Along a track, the last of them at its end."""
 LARGEST = 0.5
 """Part of the map that an ellipse may fill: a larger one would hide what is drawn."""
-
-
-@dataclass(frozen=True, eq=False)
-class Map:
-    """What a plan view shows.
-
-    Attributes:
-        tracks: the way of each method.
-        smoothed: of the smoothed passes.
-        reference: None without its positions.
-        frame: what the map shows, at least.
-        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
-        lost: a track and (n,) how many beams are lost there.
-    """
-
-    tracks: Mapping[str, Track]
-    smoothed: Mapping[str, Track]
-    reference: Track | None
-    frame: Frame
-    claims: Sequence[str] = ()
-    lost: tuple[Track, Floats] | None = None
 
 
 def map_figure(shown: Map, *, title: str) -> Figure:
@@ -62,8 +40,7 @@ def draw_map(axes: Axes, shown: Map) -> None:
         _scale(axes, shown.frame)
         if reference is not None:
             axes.plot(reference.east_m, reference.north_m, color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
-        if shown.lost is not None:
-            _lost(axes, *shown.lost)
+        _lost(axes, *shown.lost)
         ends = {}
         for number, method in enumerate(draw_order(list(tracks))):
             track = tracks[method]

@@ -1,14 +1,15 @@
 """A finished replay laid out: can it be trusted, results of each what-if case, beams, calibration, start, clocks."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import polars as pl
+from matplotlib.figure import Figure
 
 from bottomlock.pages.page import Block, Coloured, Folded, Looked, Page, Part, Picture, Table, Terms, listed
 from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, number, title_of
 from bottomlock.pages.plots import Plots
-from bottomlock.replay.figures import Drawing
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.tables.replay import FORWARD, ReplayTables
@@ -46,6 +47,25 @@ _SENSOR_WORDS = (
     "sensor's slow errors (bias, offset, walk, deviation) in σ of what the case states."
 )
 _CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the page.
+
+    Attributes:
+        name: of its files.
+        caption: below it.
+        figure: itself.
+        what_if: case that it is of, None for all.
+        folded: whether it has every method.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+    what_if: str | None = None
+    folded: bool = False
 
 
 def page_of(

@@ -16,31 +16,22 @@ from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
-from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.page import Picture, html
 from bottomlock.pages.pieces import explained
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive_plots import (
+from bottomlock.replay.dive_plots import holds, map_of, plots_of
+from bottomlock.replay.findings.verdict import least_ratio
+from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
+from bottomlock.replay.page import TIMELINE, VALIDITY, Drawing, featured_in, page_of
+from bottomlock.replay.panels import (
     beams_panel,
     current_panels,
-    framed,
-    holds,
-    lost_beams,
-    plots_of,
-    reference_track,
-    taken,
-    tracks_of,
-)
-from bottomlock.replay.figures import (
-    Drawing,
     error_panels,
-    innovation_figure,
+    innovation_panels,
     nis_panel,
+    plain,
 )
-from bottomlock.replay.findings.verdict import least_ratio
-from bottomlock.replay.map_figure import Map, map_figure, scale_words, shown_frame
-from bottomlock.replay.page import TIMELINE, VALIDITY, featured_in, page_of
 from bottomlock.replay.run import open_folder, replay_case, write_replay
 from bottomlock.statistics.replay import summary_table
 from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
@@ -161,116 +152,79 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     """
     manifest = tables.manifest
     tail = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
-    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
-    found = [
-        _timeline(manifest, plots, tail),
-        _validity(tables, plots, tail),
-    ]
-    for what_if, _ in manifest["what_if"]:
-        shown = featured_in(manifest, summary_table(tables.runs), what_if)
-        found += _of_methods(tables, plots, what_if, shown, tail)
-        own = tables.of(what_if)
+    name, cases = f"{plain(manifest['case'])}{tail}", [case for case, _ in manifest["what_if"]]
+
+    def stacked(panels: Sequence[Panel], title: str) -> Figure:
+        return timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
+
+    first = tuple(choice.first for choice in plots.choices)
+    caption = (
+        f"Estimates of {first[-1]} against time; shaded: ±σ as claimed, of NIS the 95 % band of a consistent "
+    )
+    figure = stacked(plots.views[first].panels, f"{name}, {', '.join(first)}")
+    found = [Drawing(TIMELINE, f"{caption}filter; dashed: dead reckoning.", figure)]
+    panels = [beams_panel(tables.of(case).pings, case) for case in cases]
+    caption = "Beams given to the filters: a line where a beam is valid."
+    found.append(Drawing(VALIDITY, caption, stacked(panels, name)))
+    for case in cases:
+        own, title = tables.of(case), f"{name}, {plain(case)}"
+        shown = featured_in(manifest, summary_table(tables.runs), case)
+        found += _of_methods(tables, stacked, case, shown, title)
         method = next((method for method in BEAM_ROWS if method in manifest["methods"]), None)
         if method is not None:
-            title = f"{_title(tables, what_if)}{tail}, method {method}"
-            drawn = innovation_figure(own.innovations, start_ns, method=method, title=title)
-            caption = (
-                f"Innovations of each beam, method {method}{tail}; shaded: their ±2 sigma; hollow: rejected."
-            )
-            found.append(Drawing(f"innovations_{what_if}", caption, drawn, what_if))
+            figure = stacked(innovation_panels(own.innovations, method), f"{title}, method {method}")
+            caption = f"Innovations of each beam, method {method}; shaded: their ±2 sigma."
+            found.append(Drawing(f"innovations_{case}", caption, figure, case))
         panels = [panel for method in shown for panel in current_panels(own.currents, method)]
         if panels:
-            drawn = _stacked(panels, plots, f"{_title(tables, what_if)}{tail}")
-            caption = f"Current as each method estimates it{tail}; shaded: ±1 sigma."
-            found.append(Drawing(f"current_{what_if}", caption, drawn, what_if))
+            caption = "Current as each method estimates it; shaded: ±1 sigma."
+            found.append(Drawing(f"current_{case}", caption, stacked(panels, title), case))
         if len(shown) < len(manifest["methods"]):
-            found += _of_methods(tables, plots, what_if, manifest["methods"], tail, folded=True)
+            found += _of_methods(tables, stacked, case, manifest["methods"], title, folded=True)
     return found
-
-
-def _timeline(manifest: dict[str, Any], plots: Plots, tail: str) -> Drawing:
-    """The curves that are shown first."""
-    shown = tuple(choice.first for choice in plots.choices)
-    title = f"{manifest['case'].replace('_', ' ')}, {', '.join(shown)}{tail}"
-    figure = _stacked(plots.views[shown].panels, plots, title)
-    caption = f"Estimates of {shown[-1]} against time{tail}; shaded: ±σ as claimed"
-    caption += ", of NIS the 95 % band of a consistent filter; dashed: dead reckoning."
-    return Drawing(TIMELINE, caption, figure)
-
-
-def _validity(tables: ReplayTables, plots: Plots, tail: str) -> Drawing:
-    """Which beams were valid, a panel for each what-if case."""
-    panels = [beams_panel(tables.of(case).pings, case) for case, _ in tables.manifest["what_if"]]
-    caption = f"Beams given to the filters: a line where a beam is valid{tail}."
-    return Drawing(VALIDITY, caption, _stacked(panels, plots, tables.manifest["case"].replace("_", " ")))
-
-
-def _stacked(panels: Sequence[Panel], plots: Plots, title: str) -> Figure:
-    return timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
-
-
-def _title(tables: ReplayTables, what_if: str) -> str:
-    return f"{tables.manifest['case'].replace('_', ' ')}, {what_if.replace('_', ' ')}"
 
 
 def _of_methods(
-    tables: ReplayTables, plots: Plots, what_if: str, methods: list[str], tail: str, *, folded: bool = False
+    tables: ReplayTables,
+    stacked: Callable[[Sequence[Panel], str], Figure],
+    what_if: str,
+    methods: list[str],
+    title: str,
+    *,
+    folded: bool = False,
 ) -> list[Drawing]:
     """Map, errors of each pass and NIS of some methods in one what-if case."""
-    manifest, found, own = tables.manifest, [], tables.of(what_if)
-    title, end = f"{_title(tables, what_if)}{tail}", "_all_methods" if folded else ""
+    manifest, own, found = tables.manifest, tables.of(what_if), []
 
     def add(name: str, caption: str, figure: Figure) -> None:
+        end = "_all_methods" if folded else ""
         found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
 
+    passes = [name for name in (FORWARD, SMOOTHED) if (own.samples["pass"] == name).any()]
     shown = map_of(tables, what_if, methods)
     figure = map_figure(shown, title=title)
-    caption = f"Plan view{tail}"
+    caption = "Plan view"
     caption += "; broad grey: the reference" if shown.reference is not None else ""
-    caption += "; dotted: smoothed" if (own.samples["pass"] == SMOOTHED).any() else ""
+    caption += "; dotted: smoothed" if SMOOTHED in passes else ""
     caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
     frame = shown_frame(figure)
-    caption += _cut_words(shown.tracks, [one for one, way in shown.tracks.items() if not holds(frame, way)])
+    caption += _cut_words([one for one in shown.tracks.values() if not holds(frame, one)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
-    for name in (FORWARD, SMOOTHED):
-        if manifest["has_reference"] and (own.samples["pass"] == name).any():
-            drawn = _stacked(error_panels(own.samples, methods, name), plots, f"{title}, {name}")
-            caption = (
-                f"Errors against the reference, {name}{tail}; dotted: the filter's own standard deviation."
-            )
-            add(f"errors_{name}", caption, drawn)
-    caption = f"NIS over its degrees of freedom{tail}: above the band the filter is overconfident."
+    for name in passes if manifest["has_reference"] else ():
+        figure = stacked(error_panels(own.samples, methods, name), f"{title}, {name}")
+        add(f"errors_{name}", f"Errors against the reference, {name}; dotted: the claimed 1 sigma.", figure)
     nis = nis_panel(own.innovations, methods, least_ratio_of(manifest))
-    add("nis", caption, _stacked([nis], plots, title))
+    caption = "NIS over its degrees of freedom: above the band the filter is overconfident."
+    add("nis", caption, stacked([nis], title))
     return found
 
 
-def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
-    """The map of a what-if case with methods, the track to take and dead reckoning."""
-    manifest, own = tables.manifest, tables.of(what_if)
-    first = taken(manifest)
-    wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in manifest["methods"])]
-    tracks, reference = (
-        tracks_of(own.samples, list(dict.fromkeys(wanted))),
-        reference_track(own.path, own.samples),
-    )
-    return Map(
-        tracks,
-        tracks_of(own.samples, methods, SMOOTHED),
-        reference,
-        framed(tracks, reference, first),
-        claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
-        lost=(tracks[first], lost_beams(own.pings, tracks[first].time_ns)),
-    )
-
-
-def _cut_words(tracks: Mapping[str, Track], cut: Sequence[str]) -> str:
+def _cut_words(cut: Sequence[Track]) -> str:
     """The methods that the frame cuts off, and how far from the start they go."""
     far = []
-    for method in cut:
-        track = tracks[method]
+    for track in cut:
         reach = np.hypot(track.north_m - track.north_m[0], track.east_m - track.east_m[0])
-        far.append(f"{method} (up to {scale_words(float(f'{np.nanmax(reach):.2g}'))} from the start)")
+        far.append(f"{track.label} (up to {scale_words(float(f'{np.nanmax(reach):.2g}'))} from the start)")
     return f"; cut off by the frame: {', '.join(far)}" if far else ""
 
 

@@ -15,15 +15,11 @@ from bottomlock.pages.page import Table
 from bottomlock.pages.pieces import notebook_table, title_of
 from bottomlock.pages.plots import is_utc
 from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.dive_plots import (
-    STATES,
-    beams_panel,
-    taken,
-)
-from bottomlock.replay.figures import nis_panel
+from bottomlock.replay.dive_plots import map_of, taken
 from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
-from bottomlock.replay.report import least_ratio_of, map_of, read_replay, run_and_report
+from bottomlock.replay.panels import STATES, beams_panel, nis_panel, state_panels
+from bottomlock.replay.report import least_ratio_of, read_replay, run_and_report
 from bottomlock.statistics.replay import comparison_table, summary_table
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.replay import FORWARD, SMOOTHED
@@ -181,8 +177,8 @@ class Replay:
             DataError: for a quantity, what-if case, method or pass that the replay does not have, and another number
                 of axes.
         """
-        panels = STATES[_known("quantity", quantity, list(STATES))]
-        return self._panels(panels(*self._states(method, what_if, which)), axes)
+        _known("quantity", quantity, STATES)
+        return self._panels(state_panels(*self._states(method, what_if, which))[quantity], axes)
 
     def plot_nis(
         self,
