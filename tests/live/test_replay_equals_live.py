@@ -19,7 +19,7 @@ from bottomlock.kernel import Navigator, replay_log
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import load_config
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
-from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping
+from bottomlock.recordings.readings import Ping
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.open_log import Log
@@ -224,14 +224,10 @@ def live(config: NavigatorConfig, case: Case, prepared: Any, method: str) -> Nav
         time_ns = reading.time_ns
         if time_ns < start.time_ns:
             continue
-        if isinstance(reading, ImuReading):
-            aligned.imu(time_ns, reading)
-        elif isinstance(reading, Ping):
+        if isinstance(reading, Ping):
             aligned.beams(time_ns, config.with_noise(reading, instrument))
-        elif isinstance(reading, AttitudeReading):
-            aligned.attitude(time_ns, reading)
         else:
-            aligned.aid(time_ns, reading)
+            aligned.push(time_ns, reading)
     return navigator
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
 from bottomlock.kernel import BeamGeometry, solve_velocity
-from bottomlock.ports.estimate import Beams, Estimate, State
+from bottomlock.ports.estimate import Estimate, State
+from bottomlock.recordings.readings import Ping
 
 Floats = NDArray[np.float64]
 
@@ -45,14 +47,11 @@ def fused(mask: tuple[int, ...]) -> Floats:
     return np.asarray(0.5 * (after + after.T), dtype=np.float64)
 
 
-def ping(mask: tuple[int, ...], velocity: Floats = TRUTH) -> Beams:
+def ping(mask: tuple[int, ...], velocity: Floats = TRUTH, sent_ns: int = 0) -> Ping:
     seen = np.array(mask, dtype=bool)
     beams = JANUS.beam_velocities([velocity])[0]
-    return Beams(
-        velocity_mps=np.where(seen, beams, np.nan),
-        sd_mps=np.full(4, BEAM_SD),
-        range_m=np.where(seen, 30.0, np.nan),
-    )
+    made = Ping.of_beams(sent_ns, np.where(seen, beams, np.nan))
+    return replace(made, sd_mps=np.full(4, BEAM_SD), range_m=np.where(seen, 30.0, np.nan))
 
 
 def from_beams(mask: tuple[int, ...], time_ns: int = START, *, state: State = "OK") -> Estimate:

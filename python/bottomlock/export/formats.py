@@ -253,30 +253,28 @@ def files_of(export: Export, name: str) -> Files:
     return {"tracks.mcap": mcap(export)}
 
 
-def results_of(
-    folder: Path,
+def write_export(
+    make: Callable[[], Export],
     formats: Sequence[str],
+    folder: Path,
     command: str,
     made_from: Mapping[str, str],
     inputs: Sequence[Path] = (),
-) -> list[tuple[str, Result]]:
-    """A result for each format, so that they stand beside one another and each replaces its own alone."""
-    return [
-        (name, Result(folder, f"{FOLDER}_{name}", command, made_from, inputs, beside=True))
-        for name in dict.fromkeys(formats)
-    ]
-
-
-def write_export(
-    export: Export, results: Sequence[tuple[str, Result]], *, force: bool, folder: str | None = FOLDER
+    *,
+    force: bool,
+    below: str = FOLDER,
 ) -> list[Path]:
-    """Writes every format, or, where one cannot be made, none.
+    """Writes every format, or, where one cannot be made, none; each replaces its own files and no others.
 
     Args:
-        export: the tracks.
-        results: of `results_of`.
+        make: gives the tracks, once it is known that they may be written.
+        formats: of `FORMATS`.
+        folder: of the results.
+        command: that makes them, as the following of `Result`.
+        made_from: digests of what they are made of.
+        inputs: files that are read.
         force: replace files that have changed since they were written.
-        folder: of the files, below that of the results; None for that itself.
+        below: folder of the files, below that of the results; "" for that itself.
 
     Returns:
         The files.
@@ -286,10 +284,15 @@ def write_export(
         OutputError: for a file of these names that is not of ours, one that has changed since without `force`, and
             where the folder cannot be written.
     """
-    before = "" if folder is None else f"{folder}/"
+    results = {
+        name: Result(folder, f"{FOLDER}_{name}", command, made_from, inputs, beside=True) for name in formats
+    }
+    for result in results.values():
+        result.check(force=force)
+    export, before = make(), f"{below}/" if below else ""
     made = [
-        (result, {f"{before}{name}": content for name, content in files_of(export, kind).items()})
-        for kind, result in results
+        (result, {f"{before}{file}": content for file, content in files_of(export, name).items()})
+        for name, result in results.items()
     ]
     return [path for result, files in made for path in result.write(files, force=force)]
 
@@ -361,9 +364,7 @@ def topics(export: Export) -> list[Topic]:
         valid = [column for column in pings.columns if column.endswith("_valid")]
         counted = pings.with_columns(pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"))
         found.append(_rows(f"/{group}/beams", "bottomlock.Beams", counted))
-    found += [_rows(f"/{name}/fix", "bottomlock.Fix", rows) for name, rows in export.fixes.items()]
-    found += [_rows(f"/{name}", "bottomlock.Arrival", rows) for name, rows in export.arrivals.items()]
-    return found
+    return found + [_rows(f"/{name}", f"bottomlock.{title}", rows) for title, name, rows in export.further]
 
 
 def _rows(topic: str, title: str, rows: pl.DataFrame) -> Topic:

@@ -14,15 +14,16 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.export.formats import check_formats, results_of, write_export
+from bottomlock.export.formats import check_formats, write_export
 from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
 from bottomlock.files.records import sha256_of
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.raw_log import Entry
 from bottomlock.live.replay import Replayed, replay_log
-from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.estimate import Estimate
 from bottomlock.recordings.axes import from_quaternions, to_angles
 from bottomlock.recordings.geodesy import Place
+from bottomlock.recordings.readings import Ping
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.vehicle_motion import level_axes
 
@@ -59,19 +60,20 @@ def export_live(
         "log": sha256_of(log),
         "configuration": hashlib.sha256(config.model_dump_json().encode()).hexdigest(),
     }
-    folder = log.with_name(f"{log.stem}_export")
-    results = results_of(folder, formats, "live", made_from, [log, *inputs])
-    for _, result in results:
-        result.check(force=force)
     collected = _Collected(config)
-    replayed = replay_log(
-        config, log, estimates=collected.estimate, bytes_of=collected.entry if "mcap" in formats else None
-    )
-    if not collected.estimates:
-        raise DataError("gives no estimate to export", place=log, hint=f"its last state is {replayed.state}")
-    return replayed, write_export(
-        _export(config, log, collected, replayed, origin), results, force=force, folder=None
-    )
+    entry = collected.entry if "mcap" in formats else None
+    replayed: list[Replayed] = []
+
+    def make() -> Export:
+        replayed.append(replay_log(config, log, estimates=collected.estimate, bytes_of=entry))
+        if not collected.estimates:
+            state = replayed[0].state
+            raise DataError("gives no estimate to export", place=log, hint=f"its last state is {state}")
+        return _export(config, log, collected, replayed[0], origin)
+
+    folder = log.with_name(f"{log.stem}_export")
+    files = write_export(make, formats, folder, "live", made_from, [log, *inputs], force=force, below="")
+    return replayed[0], files
 
 
 def _origin(config: LiveConfig) -> Place | None:
@@ -88,7 +90,7 @@ class _Collected:
 
     config: LiveConfig
     estimates: list[Estimate] = field(default_factory=list)
-    pings: list[tuple[int, Beams]] = field(default_factory=list)
+    pings: list[tuple[int, Ping]] = field(default_factory=list)
     bytes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     def estimate(self, estimate: Estimate) -> None:
@@ -128,67 +130,68 @@ def _export(
     config: LiveConfig, log: Path, collected: _Collected, replayed: Replayed, origin: Place | None
 ) -> Export:
     words = f"{config.name}: {log.name}, played again: {replayed.text()}; estimates of the states in which any is sent"
-    rows = pl.DataFrame({"time_ns": [one.time_ns for one in collected.estimates]})
+    estimates = collected.estimates
+    columns: dict[str, Any] = {"time_ns": [one.time_ns for one in estimates]}
     position = attitude = geodetic = None
     if config.mode == "navigation":
-        position = np.array([one.position_t_m for one in collected.estimates])
-        attitude = from_quaternions(np.array([one.attitude_t_p for one in collected.estimates]))
+        position = np.array([one.position_t_m for one in estimates])
+        attitude = from_quaternions(np.array([one.attitude_t_p for one in estimates]))
         geodetic = geodetic_of(position, origin)
-        rows = _with(rows, [f"{axis}_m" for axis in _AXES], position)
+        columns |= _named([f"{axis}_m" for axis in _AXES], position)
         if geodetic is not None:
-            rows = _with(rows, ("latitude_deg", "longitude_deg", "height_m"), geodetic)
+            columns |= _named(("latitude_deg", "longitude_deg", "height_m"), geodetic)
         assert config.origin is not None  # of every configuration in mode navigation
         earth = environment_at(math.radians(config.origin.latitude_deg), config.origin.earth)
         angles = np.rad2deg(to_angles(level_axes(earth, position).inv() * attitude))
-        rows = _with(rows, ("roll_deg", "pitch_deg", "yaw_deg"), angles)
-    rows = _with_velocity(rows, collected.estimates)
+        columns |= _named(("roll_deg", "pitch_deg", "yaw_deg"), angles)
+    columns |= _velocities(estimates)
     track = ExportTrack(
         name=NAME,
         method=config.navigation.method if config.mode == "navigation" else config.velocity.method,
         group=NAME,
         description=words,
-        rows=rows,
+        rows=_table(columns),
         position_t_m=position,
         geodetic=geodetic,
         orientation_enu_flu=None if attitude is None else orientation_enu_flu(attitude.as_matrix()),
     )
-    arrivals = {
-        topic: pl.DataFrame(
-            rows, schema={"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
-        )
-        for topic, rows in collected.bytes.items()
-    }
-    return Export(
-        config.name, [track], {NAME: _pings(collected.pings)} if collected.pings else {}, arrivals=arrivals
-    )
+    schema = {"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
+    arrivals = [
+        ("Arrival", topic, pl.DataFrame(rows, schema=schema)) for topic, rows in collected.bytes.items()
+    ]
+    pings = {NAME: _pings(collected.pings)} if collected.pings else {}
+    return Export(config.name, [track], pings, arrivals)
 
 
-def _with_velocity(rows: pl.DataFrame, estimates: Sequence[Estimate]) -> pl.DataFrame:
-    """The rows with velocity, 1 sigma and state; a component that the beams do not determine is null."""
-    rows = _with(rows, [f"{axis}_mps" for axis in _BODY], np.array([one.velocity_p_mps for one in estimates]))
+def _velocities(estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """Columns of velocity, 1 sigma and state; a component that the beams do not determine is NaN."""
     names = [f"sd_velocity_{axis}_mps" for axis in _BODY]
     covariances = [one.covariance_m2ps2 for one in estimates]
     if estimates[0].navigation_covariance is not None:
         of_position = [f"sd_position_{axis}_m" for axis in _AXES]
         names = [*of_position, *(f"sd_misalignment_{axis}_rad" for axis in _AXES), *names]
         covariances = [one.navigation_covariance for one in estimates]  # type: ignore[misc]
-    rows = _with(rows, names, np.sqrt([np.diag(one) for one in covariances]))
-    return rows.with_columns(
-        pl.Series(name, [getattr(one, name) for one in estimates])
-        for name in ("state", "rank", "reset_counter")
-    )
+    return {
+        **_named([f"{axis}_mps" for axis in _BODY], np.array([one.velocity_p_mps for one in estimates])),
+        **_named(names, np.sqrt([np.diag(one) for one in covariances])),
+        **{name: [getattr(one, name) for one in estimates] for name in ("state", "rank", "reset_counter")},
+    }
 
 
-def _with(rows: pl.DataFrame, names: Sequence[str], values: Floats) -> pl.DataFrame:
-    """The rows with a column for each column of the values, NaN as null."""
-    return rows.with_columns(pl.Series(name, values[:, k]).fill_nan(None) for k, name in enumerate(names))
+def _named(names: Sequence[str], values: Floats) -> dict[str, Floats]:
+    """The columns of values (n, names)."""
+    return dict(zip(names, values.T, strict=True))
 
 
-def _pings(pings: Sequence[tuple[int, Beams]]) -> pl.DataFrame:
+def _table(columns: dict[str, Any]) -> pl.DataFrame:
+    """A table, NaN as null."""
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _pings(pings: Sequence[tuple[int, Ping]]) -> pl.DataFrame:
     """A row a ping: time of the first estimate that has it, velocities and ranges of the beams, and which are valid."""
-    rows = pl.DataFrame({"time_ns": [time_ns for time_ns, _ in pings]})
-    for key, name in (("velocity_mps", "beam{}_mps"), ("range_m", "beam{}_range_m")):
+    columns: dict[str, Any] = {"time_ns": [time_ns for time_ns, _ in pings]}
+    for key, name in (("velocity_mps", "mps"), ("range_m", "range_m"), ("valid", "valid")):
         values = np.array([getattr(beams, key) for _, beams in pings])
-        rows = _with(rows, [name.format(k + 1) for k in range(values.shape[1])], values)
-    valid = np.array([beams.valid for _, beams in pings])
-    return rows.with_columns(pl.Series(f"beam{k + 1}_valid", one) for k, one in enumerate(valid.T))
+        columns |= _named([f"beam{k + 1}_{name}" for k in range(values.shape[1])], values)
+    return _table(columns)

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.export.formats import check_formats, results_of, write_export
+from bottomlock.export.formats import check_formats, write_export
 from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
 from bottomlock.files.overwriting import digests_of
 from bottomlock.kernel.models import Environment
@@ -55,11 +55,11 @@ def export_of_replay(tables: ReplayTables, methods: Sequence[str] | None = None)
     if not any(track.group for track in tracks):
         raise DataError("the replay has no position to export: its start has none")
     groups = list(dict.fromkeys(track.group for track in tracks if track.group))
-    fixes = {
-        f"{group}_{method}": tables.of(group).innovations.filter(method=method)
+    fixes = [
+        ("Fix", f"{group}_{method}/fix", tables.of(group).innovations.filter(method=method))
         for group in groups
         for method in dict.fromkeys(track.method for track in tracks if track.group == group)
-    }
+    ]
     pings = {group: tables.of(group).pings for group in groups}
     return Export(manifest["case"], tracks, pings, fixes)
 
@@ -173,7 +173,7 @@ def export_replay(
     folder = Path(folder)
     tables = read_replay(folder)
     check_formats(formats, has_origin=tables.manifest["origin"] is not None)
-    results = results_of(folder, formats, "replay", digests_of(folder, [folder / "manifest.json"]))
-    for _, result in results:
-        result.check(force=force)
-    return write_export(export_of_replay(tables, methods), results, force=force)
+    made_from = digests_of(folder, [folder / "manifest.json"])
+    return write_export(
+        lambda: export_of_replay(tables, methods), formats, folder, "replay", made_from, force=force
+    )

@@ -1,7 +1,7 @@
-"""What is exported: tracks with what is known of each time, the beams of their pings, and the outcomes of the fixes."""
+"""What is exported: tracks with what is known of each time, the beams of their pings, and further rows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -74,15 +74,13 @@ class Export:
         title: name of the case or configuration.
         tracks: one or more.
         pings: by group, a row a ping: `time_ns`, `beam1_valid` and so on.
-        fixes: by name of a topic, the outcomes of the fixes, a row a ping.
-        arrivals: by name of a topic, the bytes of a live log, a row an arrival.
+        further: what else a file of topics has: kind of the rows, name of the topic, and the rows.
     """
 
     title: str
     tracks: Sequence[ExportTrack]
     pings: Mapping[str, pl.DataFrame]
-    fixes: Mapping[str, pl.DataFrame] = field(default_factory=dict)
-    arrivals: Mapping[str, pl.DataFrame] = field(default_factory=dict)
+    further: Sequence[tuple[str, str, pl.DataFrame]] = ()
 
 
 def orientation_enu_flu(rotation_t_p: Floats) -> Floats:

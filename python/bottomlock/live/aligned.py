@@ -20,11 +20,11 @@ from bottomlock.live.sections import ImuFromAttitude, StartSection
 from bottomlock.recordings.attitude_motion import MotionFromAttitude
 from bottomlock.recordings.levelling import level_from_force
 from bottomlock.recordings.readings import (
-    AidingReading,
     AttitudeReading,
     DepthReading,
     ImuReading,
     Ping,
+    Reading,
     SpeedReading,
     WaterReading,
 )
@@ -297,11 +297,6 @@ class AlignedNavigator:
         self.imu_fault = ""
 
     @property
-    def turns(self) -> bool:
-        """Whether attitudes take the place of inertial readings."""
-        return self._motion is not None
-
-    @property
     def waiting_for(self) -> str:
         """What the start still lacks; "" once there is an estimate."""
         if self.navigator is not None:
@@ -318,17 +313,36 @@ class AlignedNavigator:
         """
         if self._last_ns is not None and time_ns <= self._last_ns:
             raise KernelError(f"its time does not rise: {time_ns} ns, and the last was {self._last_ns} ns")
-        if self.time_ns is not None and (time_ns < self.time_ns or (self.turns and time_ns == self.time_ns)):
+        if self.time_ns is not None and (
+            time_ns < self.time_ns or (self._motion is not None and time_ns == self.time_ns)
+        ):
             raise KernelError(
                 f"it is older than the estimate: {time_ns} ns, and that is of {self.time_ns} ns"
             )
 
-    def imu(self, time_ns: int, reading: ImuReading) -> Sequence[Report]:
-        """Takes an inertial reading.
+    def push(self, time_ns: int, reading: Reading) -> Sequence[Report]:
+        """Takes a reading, at a time on the clock of all of them; nothing without a section for it.
+
+        Before the alignment a depth says where the vehicle begins, and what aids otherwise is not taken.
 
         Raises:
-            KernelError: as `check_time`, and for one that the kernel refuses, or the alignment.
+            KernelError: for one that is older than the horizon, one that moves the vehicle as `check_time`, and an
+                inertial reading that the kernel refuses, or the alignment.
         """
+        if isinstance(reading, ImuReading):
+            return self._imu(time_ns, reading)
+        if isinstance(reading, AttitudeReading):
+            return self._attitude(time_ns, reading)
+        if self.navigator is not None:
+            taken, made = replace(reading, time_ns=time_ns), self._made.get(type(reading))
+            omega = np.zeros(3) if self.omega_p_radps is None else self.omega_p_radps
+            pushed = taken if made is None else made(taken, omega)
+            return self._push(self.navigator, SENSOR_OF[type(reading)], pushed)
+        if isinstance(reading, DepthReading) and self._config.depth is not None:
+            self._alignment.depth(reading.depth_m)
+        return ()
+
+    def _imu(self, time_ns: int, reading: ImuReading) -> Sequence[Report]:
         self.check_time(time_ns)
         axes = self._settings.imu_axes
         omega, force = axes @ np.array(reading.omega_radps), axes @ np.array(reading.force_mps2)
@@ -360,12 +374,8 @@ class AlignedNavigator:
         if not self._alignment.waiting_for:
             self._start_navigator()
 
-    def attitude(self, time_ns: int, reading: AttitudeReading) -> Sequence[Report]:
-        """Takes an attitude: aiding, or in place of an inertial reading; nothing without a section for it.
-
-        Raises:
-            KernelError: for one that is older than the horizon, or, in place of an inertial reading, as `imu`.
-        """
+    def _attitude(self, time_ns: int, reading: AttitudeReading) -> Sequence[Report]:
+        """Aiding, or in place of an inertial reading."""
         if self._platform is None:
             return ()
         attitude_t_p = self._platform.of(reading)
@@ -407,7 +417,7 @@ class AlignedNavigator:
         return motion
 
     def _new_alignment(self) -> Alignment:
-        if self.turns:
+        if self._motion is not None:
             return AttitudeAlignment(self._start)
         return Alignment(
             self._start,
@@ -444,7 +454,7 @@ class AlignedNavigator:
     def continue_from(self, navigator: Navigator) -> None:
         """Goes on with a navigator that was saved; the readings since then are a gap, which it bridges."""
         self._begin(navigator)
-        if self.turns:
+        if self._motion is not None:
             state = navigator.state()
             self._motion = self._begun(
                 state["velocity_p_mps"], int(state["time_ns"]), np.asarray(state["attitude_t_p"])
@@ -493,18 +503,3 @@ class AlignedNavigator:
                 at_ns, rows.velocity_mps[row], rows.valid[row], rows.sd_mps[row], float(rows.range_m[row])
             )
             yield at_ns, reading.valid, self._push(navigator, WATER_TRACK, reading)
-
-    def aid(self, time_ns: int, reading: AidingReading) -> Sequence[Report]:
-        """Takes a measurement beside pings and attitudes; before the alignment a depth alone, where the vehicle begins.
-
-        Raises:
-            KernelError: for one that is older than the horizon.
-        """
-        if self.navigator is not None:
-            taken, made = replace(reading, time_ns=time_ns), self._made.get(type(reading))
-            omega = np.zeros(3) if self.omega_p_radps is None else self.omega_p_radps
-            pushed = taken if made is None else made(taken, omega)
-            return self._push(self.navigator, SENSOR_OF[type(reading)], pushed)
-        if isinstance(reading, DepthReading) and self._config.depth is not None:
-            self._alignment.depth(reading.depth_m)
-        return ()

@@ -16,11 +16,11 @@ from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.readings import LineReader, MavlinkReader, PingReader, Reader, RosReader
-from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuFromAttitude, ImuSection, SourceSection
+from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuSection, SourceSection
 from bottomlock.live.states import Facts, Reasons, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
-from bottomlock.recordings.readings import AttitudeReading, ImuReading, Ping, Reading
+from bottomlock.recordings.readings import Ping, Reading
 
 TICK_NS = 50_000_000
 LONGEST_PAUSE_NS = 1_000_000_000
@@ -113,7 +113,6 @@ class Engine:
         self._estimate_ns = units.ns_from_s(1.0 / config.navigation.estimate_hz)
         self._ping_period_ns = _period_ns(one for one in config.source if one.format in DVL_FORMATS)
         self._imu_period_ns = _period_ns(config.sources_of(config.motion))
-        self._moves = AttitudeReading if isinstance(config.imu, ImuFromAttitude) else ImuReading
         # Only stamps that are taken as they are have the offset that the DVL's file states.
         self._dvl_offset_ns = units.ns_from_s(instrument.stated.clock_offset_s)
         self._steps_seen = 0
@@ -222,7 +221,7 @@ class Engine:
         if time_ns is None:
             return []
         try:
-            self._estimate(reading, time_ns, arrival_ns)
+            self.estimator.take(time_ns, reading, arrival_ns)
         except BottomlockError as error:
             one.refused.add(_without_numbers(str(error)))
             return []
@@ -231,17 +230,7 @@ class Engine:
             # What a ping has changed is sent at once.
             self._judge(arrival_ns)
             return self._send(least_ns=1)
-        return self._send(least_ns=self._estimate_ns) if isinstance(reading, self._moves) else []
-
-    def _estimate(self, reading: Ping | Reading, time_ns: int, arrival_ns: int) -> None:
-        if isinstance(reading, Ping):
-            self.estimator.ping(time_ns, reading, arrival_ns)
-        elif isinstance(reading, ImuReading):
-            self.estimator.imu(time_ns, reading, arrival_ns)
-        elif isinstance(reading, AttitudeReading):
-            self.estimator.attitude(time_ns, reading, arrival_ns)
-        else:
-            self.estimator.aid(time_ns, reading)
+        return self._send(least_ns=self._estimate_ns) if isinstance(reading, self.config.moved_by) else []
 
     def _time_ns(self, one: SourceState, arrival_ns: int, reading: Ping | Reading) -> int | None:
         """Time of validity on the host's clock; None where it is unsure, which is counted."""

@@ -11,7 +11,7 @@ azimuths and its tilt, so the instrument's own velocity is compared with the bea
 import math
 from collections import deque
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,9 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.states import Reasons
-from bottomlock.ports.estimate import Beams, Estimate, State, VelocityMethod
+from bottomlock.ports.estimate import Estimate, State, VelocityMethod
 from bottomlock.recordings.closure import closure_rows
-from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
+from bottomlock.recordings.readings import Ping, Reading
 from bottomlock.recordings.water_cells import CellCounts
 
 BEAM_SENSORS = ("beams", "velocity")
@@ -147,23 +147,23 @@ class BeamJumps:
 Floats = NDArray[np.float64]
 
 
+@dataclass
 class LastPing:
     """The last ping: beams, what was used of them, and how well they fitted.
 
     Attributes:
         velocity_mps: (n,) of valid beams, NaN elsewhere.
         used: (n,) beams that were used.
-        nis: normalised innovation squared over its degrees of freedom; None without one.
         verdict: of the gate, or of the solution, in a word.
         why: why something was rejected; "" if nothing was.
+        nis: normalised innovation squared over its degrees of freedom; None without one.
     """
 
-    def __init__(self, beams: int) -> None:
-        self.velocity_mps = np.full(beams, np.nan)
-        self.used = np.zeros(beams, dtype=bool)
-        self.nis: float | None = None
-        self.verdict = ""
-        self.why = ""
+    velocity_mps: Floats
+    used: NDArray[np.bool_]
+    verdict: str = ""
+    why: str = ""
+    nis: float | None = None
 
 
 def solve_ping(geometry: BeamGeometry, ping: Ping, method: VelocityMethod) -> VelocityFixes:
@@ -177,19 +177,15 @@ def solve_ping(geometry: BeamGeometry, ping: Ping, method: VelocityMethod) -> Ve
     )
 
 
-def beams_of(ping: Ping, *, offset_ns: int) -> Beams:
-    """The ping for ports that pass beams on; `offset_ns` brings the instrument's clock to the host's."""
-    return Beams(
+def on_host_clock(ping: Ping, time_ns: int) -> Ping:
+    """The ping for ports that pass beams on: at a time of the host's clock, NaN where a beam or its range is lost."""
+    return replace(
+        ping,
+        time_ns=time_ns,
+        transmission_ns=ping.transmission_ns + time_ns - ping.time_ns,
         velocity_mps=np.where(ping.valid, ping.velocity_mps, np.nan),
-        sd_mps=ping.sd_mps,
-        range_m=positive(ping.range_m),
-        transmission_ns=ping.transmission_ns + offset_ns,
+        range_m=np.where(ping.range_m > 0.0, ping.range_m, np.nan),
     )
-
-
-def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values above zero, NaN elsewhere."""
-    return np.where(values > 0.0, values, np.nan)
 
 
 class Estimator:
@@ -211,13 +207,14 @@ class Estimator:
     def __init__(self, config: LiveConfig) -> None:
         self._config, self._instrument = config, config.instrument()
         self._fixes: VelocityFixes | None = None
-        self._beams: Beams | None = None
+        self._beams: Ping | None = None
         self.fault = ""
         self.rank = self.rejected = self.resets = 0
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
         self.water_used_ns: int | None = None
-        self.last = LastPing(self._instrument.geometry.beams)
+        beams = self._instrument.geometry.beams
+        self.last = LastPing(np.full(beams, np.nan), np.zeros(beams, dtype=bool))
         self.gated = Reasons()
         self.closure = Closure(self._instrument)
 
@@ -256,22 +253,13 @@ class Estimator:
         """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
         return None
 
-    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
-        """Takes a ping of a time of validity, and when it came.
+    def take(self, time_ns: int, reading: Ping | Reading, arrival_ns: int) -> None:
+        """Takes a ping or a reading of a time of validity, and when it came; mode velocity uses pings alone.
 
         Raises:
-            KernelError: as `NavigatorConfig.with_noise`, and of a navigator for one that is older than its horizon.
+            KernelError: as `NavigatorConfig.with_noise`, and of a navigator as `AlignedNavigator.push`.
         """
         raise NotImplementedError
-
-    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
-        """Takes an inertial reading; mode velocity uses none, as of the following."""
-
-    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Takes an attitude: aiding, or in place of an inertial reading."""
-
-    def aid(self, time_ns: int, reading: AidingReading) -> None:
-        """Takes a measurement beside pings and attitudes."""
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """The estimate as it is now; None without one."""
@@ -297,20 +285,21 @@ class VelocityEstimator(Estimator):
         """Time of the last ping."""
         return self._time_ns
 
-    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
+    def take(self, time_ns: int, reading: Ping | Reading, arrival_ns: int) -> None:
         """Solves a ping."""
-        ping = self._config.with_noise(ping, self._instrument)
+        if not isinstance(reading, Ping):
+            return
+        ping = self._config.with_noise(reading, self._instrument)
         self.closure.add(ping)
-        self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
+        velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         kept = self._jumps.kept(time_ns, ping.velocity_mps, ping.valid, ping.sd_mps)
         ping = replace(ping, valid=kept)
         fixes = solve_ping(self._instrument.geometry, ping, self._config.velocity.method)
         rank = int(fixes.rank[0])
-        self.last.why = self._jumps.why
-        self.last.used = fixes.beams_used[0]
-        self.last.verdict = f"determines {rank} of 3 directions"
+        verdict = f"determines {rank} of 3 directions"
+        self.last = LastPing(velocity_mps, fixes.beams_used[0], verdict, self._jumps.why)
         self._fixes = fixes
-        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
+        self._beams = on_host_clock(ping, time_ns)
         self._time_ns = time_ns
         self._whole |= rank == 3
         if rank:

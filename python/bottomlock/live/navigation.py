@@ -1,6 +1,6 @@
 """The estimator of mode navigation: a `Navigator` fed with what arrives."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -9,10 +9,10 @@ import numpy as np
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.estimator import BEAM_SENSORS, Estimator, beams_of, solve_ping
+from bottomlock.live.estimator import BEAM_SENSORS, Estimator, LastPing, on_host_clock, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Estimate, State
-from bottomlock.recordings.readings import AidingReading, AttitudeReading, ImuReading, Ping
+from bottomlock.recordings.readings import Ping, Reading
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags, Floats
 from bottomlock.recordings.water_cells import CellCounts
@@ -108,37 +108,21 @@ class NavigationEstimator(Estimator):
         found = self.navigator.attitude_error() if whole else self.navigator.heading_error()
         return None if found is None else (np.atleast_1d(found["error_rad"]), np.atleast_1d(found["sd_rad"]))
 
-    def imu(self, time_ns: int, reading: ImuReading, arrival_ns: int) -> None:
-        """Takes an inertial reading.
-
-        Raises:
-            KernelError: for one that is not later than those before, and one that the kernel refuses.
-        """
-        self._aligned.check_time(time_ns)
-        self._now_ns = arrival_ns
-        self._move(lambda: self._aligned.imu(time_ns, reading))
-
-    def attitude(self, time_ns: int, reading: AttitudeReading, arrival_ns: int) -> None:
-        """Takes an attitude: aiding, or in place of an inertial reading.
-
-        Raises:
-            KernelError: for one that is older than the horizon, or, in place of an inertial reading, as `imu`.
-        """
-        if not self._aligned.turns:
-            self._take(self._aligned.attitude(time_ns, reading))
-            return
-        self._aligned.check_time(time_ns)
-        self._now_ns = arrival_ns
-        self._move(lambda: self._aligned.attitude(time_ns, reading))
-
-    def _move(self, take: Callable[[], Sequence[Report]]) -> None:
-        """Takes what moves the vehicle; one that is refused ends the navigator.
+    def take(self, time_ns: int, reading: Ping | Reading, arrival_ns: int) -> None:
+        """Takes a ping or a reading; one that moves the vehicle and is refused ends the navigator.
 
         A rejected reading is a value: it moves nothing, and does not count as one that was used.
         """
-        before = self.navigator
+        if isinstance(reading, Ping):
+            self._ping(time_ns, reading, arrival_ns)
+            return
+        if not isinstance(reading, self._config.moved_by):
+            self._take(self._aligned.push(time_ns, reading))
+            return
+        self._aligned.check_time(time_ns)
+        self._now_ns, before = arrival_ns, self.navigator
         try:
-            reports = take()
+            reports = self._aligned.push(time_ns, reading)
         except KernelError:
             if before is not None:
                 self.restart()
@@ -171,20 +155,14 @@ class NavigationEstimator(Estimator):
         self._forget()
         self.resets += 1
 
-    def ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
-        """Takes a ping.
-
-        Raises:
-            KernelError: for one that is older than the horizon, and as `NavigatorConfig.with_noise`.
-        """
+    def _ping(self, time_ns: int, ping: Ping, arrival_ns: int) -> None:
         ping = self._config.with_noise(ping, self._instrument)
         self._now_ns = arrival_ns
         fixes = self._aligned.solve(time_ns, ping)
-        self.last.velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
-        self.last.used = np.zeros_like(ping.valid)
-        self.last.nis, self.last.verdict, self.last.why = None, "no valid beam", ""
+        velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
+        self.last = LastPing(velocity_mps, np.zeros_like(ping.valid), "no valid beam")
         self.closure.add(ping)
-        self._beams = beams_of(ping, offset_ns=time_ns - ping.time_ns)
+        self._beams = on_host_clock(ping, time_ns)
         if self.navigator is None:
             return
         if ping.valid.any():
@@ -249,14 +227,6 @@ class NavigationEstimator(Estimator):
         self.rank = int(fixes.rank[0])
         if self.rank:
             self._fixes, self.ping_used_ns = fixes, self._now_ns
-
-    def aid(self, time_ns: int, reading: AidingReading) -> None:
-        """Takes a measurement beside pings and attitudes.
-
-        Raises:
-            KernelError: for one that is older than the horizon.
-        """
-        self._take(self._aligned.aid(time_ns, reading))
 
     def estimate(self, state: State, reset_counter: int) -> Estimate | None:
         """The navigator's estimate as it is now; None before the alignment."""

@@ -28,7 +28,7 @@ from bottomlock.live.sections import (
     kind_of_imu,
 )
 from bottomlock.recordings.geodesy import Place
-from bottomlock.recordings.readings import LOST_SD_MPS, Ping
+from bottomlock.recordings.readings import LOST_SD_MPS, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
 from bottomlock.recordings.sensors import SENSORS
 
@@ -94,6 +94,11 @@ class NavigatorConfig(LiveSections):
     def motion(self) -> str:
         """The readings that move the vehicle: a key of `FORMATS`."""
         return "attitude" if isinstance(self.imu, ImuFromAttitude) else "imu"
+
+    @property
+    def moved_by(self) -> type[AttitudeReading | ImuReading]:
+        """The class of these readings."""
+        return AttitudeReading if isinstance(self.imu, ImuFromAttitude) else ImuReading
 
     @property
     def home(self) -> Place | None:

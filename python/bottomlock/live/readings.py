@@ -1,7 +1,7 @@
 """Readings of a live stream: lines of numbers, MAVLink, messages of ROS 2, and the pings of a DVL."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -27,11 +27,12 @@ from bottomlock.recordings.readings import (
     GpsReading,
     ImuReading,
     Ping,
+    Quaternion,
     Reading,
     Triple,
 )
 from bottomlock.recordings.rotation import quaternion
-from bottomlock.recordings.sensors import INSTRUMENTS, is_on_earth
+from bottomlock.recordings.sensors import GPS, IMU, INSTRUMENTS, is_on_earth
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 SLOW_HZ = 10.0
@@ -39,14 +40,15 @@ SLOW_HZ = 10.0
 ROUNDING = 1e-3
 """By how much the norm of a quaternion of single precision may be off."""
 
-
 _LINES = {one.line: one for one in INSTRUMENTS if one.line}
 Given = TypeVar("Given")
+Record = Any
+"""A line, or a message as its library has it."""
 
 
 @dataclass
 class Reader(Generic[Given]):
-    """Bytes to readings or pings.
+    """Bytes to readings or pings: a framer cuts them into records, and each holds a reading or the reason for none.
 
     Attributes:
         framer: cuts the bytes into records; made at the start.
@@ -60,6 +62,18 @@ class Reader(Generic[Given]):
 
     def feed(self, data: bytes) -> list[Given]:
         """The readings that `data` completes."""
+        found = []
+        for record in self.framer.feed(data):
+            self.records += 1
+            reading = self._parse(record)
+            if isinstance(reading, str):
+                self.skipped.add(reading)
+            elif reading is not None:
+                found.append(reading)
+        return found
+
+    def _parse(self, record: Record) -> Given | str | None:
+        """The reading of a record; why it has none, None for one of another kind."""
         raise NotImplementedError
 
     @property
@@ -96,52 +110,55 @@ class LineReader(Reader[Reading]):
 
     def __post_init__(self) -> None:
         """Chooses the columns of the format."""
-        made = _LINES[self.format]
-        self._counts = {len(made.columns), len(made.columns) + len(made.more)}
-        self._columns, self._make = made.header, made.of_line
-        self.framer = self._lines = Lines(within=self.within)
+        self._made = _LINES[self.format]
+        self.framer = Lines(within=self.within)
 
-    def feed(self, data: bytes) -> list[Reading]:
-        """The readings that `data` completes."""
-        return [reading for line in self._lines.feed(data) if (reading := self._reading(line)) is not None]
-
-    def _reading(self, line: bytes) -> Reading | None:
-        self.records += 1
-        text, star, digits = line.partition(b"*")
+    def _parse(self, record: Record) -> Reading | str | None:
+        text, star, digits = record.partition(b"*")
         if star and xor_of(text) != hexadecimal(digits):
-            self.skipped.add("bad checksum")
-            return None
+            return "bad checksum"
         if self.checksum and not star:
-            self.skipped.add("no checksum")
-            return None
-        self.checksum = bool(star)
+            return "no checksum"
+        self.checksum, made = bool(star), self._made
         first, *rest = text.split(b",")
-        if len(rest) not in self._counts:
-            self.skipped.add(f"not the columns {self._columns}")
-            return None
+        if len(rest) not in {len(made.columns), len(made.columns) + len(made.more)}:
+            return f"not the columns {made.header}"
         time_ns, values = whole(first), [number(part) for part in rest]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
         if time_ns is None or len(numbers) < len(rest) or not _EARLIEST_NS < time_ns < _LATEST_NS:
-            self.skipped.add("not a time in ns and finite numbers")
-            return None
-        reading: Reading | None = self._make(time_ns, numbers)
-        if reading is None:
-            self.skipped.add(f"numbers that are no {self._columns}")
-        return reading
+            return "not a time in ns and finite numbers"
+        reading: Reading | None = made.of_line(time_ns, numbers)
+        return f"numbers that are no {made.header}" if reading is None else reading
 
 
 class _MavlinkFramer(Framer):
-    """pymavlink's parser: it cuts and reads at once."""
+    """pymavlink's parser: its records are messages."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
         super().__init__()
         self._make = make
         self.reset()
 
+    def feed(self, data: bytes) -> list[Record]:
+        """The messages that `data` completes."""
+        messages = self._parser.parse_buffer(data) or []
+        bad = [one for one in messages if one.get_type() == "BAD_DATA"]
+        self.dropped += sum(len(one.data) for one in bad)
+        return [one for one in messages if one not in bad] if bad else messages
+
     def reset(self) -> None:
         """A parser without a message that has begun."""
-        self.parser = self._make()
-        self.parser.robust_parsing = True
+        self._parser = self._make()
+        self._parser.robust_parsing = True
+
+
+def _unit(parts: Sequence[float]) -> Quaternion | None:
+    """A quaternion of unit length; None for one that has another, and for numbers that are none."""
+    norm = math.hypot(*parts)
+    if not abs(norm - 1.0) < ROUNDING:
+        return None
+    w, x, y, z = (part / norm for part in parts)
+    return w, x, y, z
 
 
 @dataclass
@@ -151,7 +168,7 @@ class MavlinkReader(Reader[Reading]):
     Args:
         depth: the section that names the message of the pressure and turns it into a depth; None without.
         gravity_mps2: for that.
-        attitude: the message of the attitude; None without.
+        attitude: the message of the attitude, forward-starboard-down to north-east-down; None without.
         inertial: whether HIGHRES_IMU is read.
         gps: whether GPS_RAW_INT is read.
         system, component: of the sender; None for those of the first reading: two vehicles are never mixed.
@@ -171,70 +188,48 @@ class MavlinkReader(Reader[Reading]):
         Raises:
             ScenarioError: where pymavlink is not installed.
         """
-        self._dialect = dialect()
-        self.framer = self._cut = _MavlinkFramer(lambda: self._dialect.MAVLink(None))
-        self._kinds = set(self.wanted(SLOW_HZ))
+        library = dialect()
+        self.framer = _MavlinkFramer(lambda: library.MAVLink(None))
+        self._made: dict[str, tuple[Callable[[int, list[float]], Reading | None], str]] = {}
+        if self.inertial:
+            self._made["HIGHRES_IMU"] = IMU.of_line, "finite numbers"
+        if self.attitude is not None:
+            self._made[self.attitude] = self._turned, "a unit quaternion"
+        if self.depth is not None:
+            self._made[self.depth.message] = self._under_water, "a finite pressure"
+        if self.gps:
+            self._made["GPS_RAW_INT"] = GPS.of_line, "a fix in 3D"
 
     def wanted(self, rate_hz: float) -> dict[str, float]:
         """The messages that are read, with the rates to ask for: `rate_hz`, of what does not move the vehicle 10 Hz."""
-        slow_hz = min(rate_hz, SLOW_HZ)
-        rates_hz = {"HIGHRES_IMU": rate_hz} if self.inertial else {}
-        if self.attitude is not None:
-            rates_hz[self.attitude] = slow_hz if self.inertial else rate_hz
-        if self.depth is not None:
-            rates_hz[self.depth.message] = slow_hz
-        if self.gps:
-            rates_hz["GPS_RAW_INT"] = slow_hz
-        return rates_hz
+        moving = "HIGHRES_IMU" if self.inertial else self.attitude
+        return {kind: rate_hz if kind == moving else min(rate_hz, SLOW_HZ) for kind in self._made}
 
-    def feed(self, data: bytes) -> list[Reading]:
-        """The readings that `data` completes."""
-        found = []
-        for message in self._cut.parser.parse_buffer(data) or []:
-            kind = message.get_type()
-            if kind == "BAD_DATA":
-                self._cut.dropped += len(message.data)
-                continue
-            self.records += 1
-            reading = self._reading(kind, message)
-            if reading is not None:
-                found.append(reading)
-        return found
-
-    def _reading(self, kind: str, message: Any) -> Reading | None:  # noqa: ANN401 - untyped library
-        if kind not in self._kinds:
+    def _parse(self, record: Record) -> Reading | str | None:
+        kind = record.get_type()
+        if kind not in self._made:
             return None
-        sender = message.get_srcSystem(), message.get_srcComponent()
+        sender = record.get_srcSystem(), record.get_srcComponent()
         if sender[0] != (self.system or sender[0]) or sender[1] != (self.component or sender[1]):
-            self.skipped.add(
+            return (
                 f"{kind} of system {sender[0]}, component {sender[1]}, and this source reads system "
                 f"{self.system or 'any'}, component {self.component or 'any'}"
             )
-            return None
         self.system, self.component = sender
-        values, time_ns = MESSAGES[kind].values(message), MESSAGES[kind].time_us(message) * 1000
-        if values is None or (kind == "GPS_RAW_INT" and not is_on_earth(*values[:2])):
-            self.skipped.add(f"{kind} without a fix in 3D")
-        elif kind == "GPS_RAW_INT":
-            return GpsReading(time_ns, *values)
-        elif kind == self.attitude:
-            # Both of forward-starboard-down to north-east-down.
-            parts = quaternion(*values) if kind == "ATTITUDE" else values
-            norm = math.hypot(*parts)
-            # Also not for numbers that are none.
-            if abs(norm - 1.0) < ROUNDING:
-                w, x, y, z = (part / norm for part in parts)
-                return AttitudeReading(time_ns, (w, x, y, z))
-            self.skipped.add(f"{kind} without a unit quaternion")
-        elif not all(map(math.isfinite, values)):
-            what = "finite numbers" if kind == "HIGHRES_IMU" else "a finite pressure"
-            self.skipped.add(f"{kind} without {what}")
-        elif kind == "HIGHRES_IMU":
-            p, q, r, x, y, z = values
-            return ImuReading(time_ns, (p, q, r), (x, y, z))
-        elif self.depth is not None:
-            return DepthReading(time_ns, self.depth.depth_m(values[0], self.gravity_mps2))
-        return None
+        (make, needed), message = self._made[kind], MESSAGES[kind]
+        values, reading = message.values(record), None
+        if values is not None and all(map(math.isfinite, values)):
+            reading = make(message.time_us(record) * 1000, list(values))
+        return f"{kind} without {needed}" if reading is None else reading
+
+    def _turned(self, time_ns: int, values: list[float]) -> Reading | None:
+        """Of angles or a quaternion."""
+        turned = _unit(quaternion(*values) if self.attitude == "ATTITUDE" else values)
+        return None if turned is None else AttitudeReading(time_ns, turned)
+
+    def _under_water(self, time_ns: int, values: list[float]) -> Reading:
+        assert self.depth is not None
+        return DepthReading(time_ns, self.depth.depth_m(values[0], self.gravity_mps2))
 
 
 _MOST_HELD = 16
@@ -333,17 +328,12 @@ def _padded(values: NDArray, beams: int, *, fill: float | bool) -> NDArray:  # t
 
 
 _MISSING = -1.0
-_NOT_FINITE = "numbers that are not finite"
 Message = Any
-
-
-class _NoReadingError(Exception):
-    """Why a message holds no reading."""
 
 
 def _finite(*values: float) -> None:
     if not all(map(math.isfinite, values)):
-        raise _NoReadingError(_NOT_FINITE)
+        raise DataError("numbers that are not finite")
 
 
 # By REP 103 a body's axes are forward, left, up, and the world's east, north, up. A number that its message marks as
@@ -362,7 +352,7 @@ def _ned(point: Message) -> Triple:
 
 def _imu(message: Message) -> Reading:
     if _MISSING in (message.angular_velocity_covariance[0], message.linear_acceleration_covariance[0]):
-        raise _NoReadingError("no rates or no accelerations, by their covariance")
+        raise DataError("no rates or no accelerations, by their covariance")
     return ImuReading(
         stamp_ns(message.header), _frd(message.angular_velocity), _frd(message.linear_acceleration)
     )
@@ -371,13 +361,12 @@ def _imu(message: Message) -> Reading:
 def _attitude(message: Message) -> Reading:
     """In the frames of the driver, which `attitude.frame` states."""
     if message.orientation_covariance[0] == _MISSING:
-        raise _NoReadingError("no orientation, by its covariance")
+        raise DataError("no orientation, by its covariance")
     q = message.orientation
-    norm = math.hypot(q.w, q.x, q.y, q.z)
-    # Also not for numbers that are none.
-    if not abs(norm - 1.0) < ROUNDING:
-        raise _NoReadingError("no unit quaternion")
-    return AttitudeReading(stamp_ns(message.header), (q.w / norm, q.x / norm, q.y / norm, q.z / norm))
+    turned = _unit((q.w, q.x, q.y, q.z))
+    if turned is None:
+        raise DataError("no unit quaternion")
+    return AttitudeReading(stamp_ns(message.header), turned)
 
 
 def _depth(message: Message) -> Reading:
@@ -388,10 +377,10 @@ def _depth(message: Message) -> Reading:
 
 def _fix(message: Message) -> Reading:
     if message.status.status < 0:
-        raise _NoReadingError("no fix, by its status")
+        raise DataError("no fix, by its status")
     _finite(message.altitude)
     if not is_on_earth(message.latitude, message.longitude):
-        raise _NoReadingError("numbers that are no latitude and longitude")
+        raise DataError("numbers that are no latitude and longitude")
     return GpsReading(stamp_ns(message.header), message.latitude, message.longitude, message.altitude)
 
 
@@ -431,14 +420,11 @@ class RosReader(Reader[Reading]):
         self._make = (_MAKERS | {"ros-pressure": self._under_water})[self.format]
         self.framer = Framer()
 
-    def feed(self, data: bytes) -> list[Reading]:
-        """The reading of a message."""
-        self.records += 1
+    def _parse(self, record: Record) -> Reading | str:
         try:
-            return [self._make(decode(data, self._type))]
-        except (DataError, _NoReadingError) as error:
-            self.skipped.add(str(error))
-            return []
+            return self._make(decode(record, self._type))
+        except DataError as error:
+            return str(error)
 
     def _under_water(self, message: Message) -> Reading:
         assert self.depth is not None

@@ -189,16 +189,11 @@ class StartedNavigator:
 
     def _taken(self, reading: Reading | Ping) -> list[Report]:
         reading = checked(reading, self._instrument.geometry.beams)
-        if isinstance(reading, ImuReading):
-            return list(self._aligned.imu(reading.time_ns, reading))
         if isinstance(reading, Ping):
             return self._ping(reading)
-        if isinstance(reading, AttitudeReading):
-            return list(self._aligned.attitude(reading.time_ns, reading))
-        if self.navigator is None and not isinstance(reading, DepthReading):
+        if self.navigator is None and not isinstance(reading, ImuReading | AttitudeReading | DepthReading):
             self.unused.add(f"{type(reading).__name__} before the start")
-            return []
-        return list(self._aligned.aid(reading.time_ns, reading))
+        return list(self._aligned.push(reading.time_ns, reading))
 
     def _ping(self, ping: Ping) -> list[Report]:
         ping = self._config.with_noise(ping, self._instrument)

@@ -8,9 +8,10 @@ import numpy as np
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.kernel.models import Positive
-from bottomlock.ports.estimate import Beams, Estimate
+from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.mavlink import MavlinkPort
 from bottomlock.ports.ros_dvl import altitude_m
+from bottomlock.recordings.readings import Ping
 
 _ULTRASOUND, _DOWN, _UNKNOWN = 1, 25, 255
 """MAV_DISTANCE_SENSOR_ULTRASOUND, MAV_SENSOR_ROTATION_PITCH_270, and a covariance that is not known."""
@@ -53,7 +54,7 @@ class DistanceSensor(MavlinkPort):
                 key="max_distance_m",
                 expected=f"more than min_distance_m, {self.min_distance_m}, and at most 655",
             )
-        self._sent: Beams | None = None
+        self._sent: Ping | None = None
 
     def _refuses(self, estimate: Estimate) -> str | None:
         beams = estimate.beams

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.kernel import COMPONENT_STATUS, SOURCES, Navigator, VelocityFixes
+from bottomlock.recordings.readings import Ping
 
 Mode = Literal["velocity", "navigation"]
 """Whether an estimate is made of one ping alone or by a navigator."""
@@ -37,44 +38,6 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Beams:
-    """The ping behind an estimate, for the ports that pass beams on.
-
-    Attributes:
-        transmission_ns: when it was sent, on the clock of the estimate; None if it is not known.
-        velocity_mps: (n,) beam velocities, NaN for lost beams.
-        sd_mps: (n,) their noise, 1 sigma.
-        range_m: (n,) distances along the beams, NaN where there is none.
-    """
-
-    velocity_mps: Floats
-    sd_mps: Floats
-    range_m: Floats
-    transmission_ns: int | None = None
-
-    def __post_init__(self) -> None:
-        """Checks shapes and signs.
-
-        Raises:
-            DataError: naming the field.
-        """
-        velocity = _array("velocity_mps", self.velocity_mps, None)
-        object.__setattr__(self, "velocity_mps", velocity)
-        for name in ("sd_mps", "range_m"):
-            values = _array(name, getattr(self, name), velocity.shape)
-            if bool((values <= 0.0).any()):
-                raise DataError(
-                    f"{name} is {values.tolist()}", place="beams", expected="positive numbers, NaN for none"
-                )
-            object.__setattr__(self, name, values)
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """(n,) which beams have a velocity."""
-        return np.isfinite(self.velocity_mps)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
     """One estimate of the velocity over ground at the platform's origin, checked and read-only.
 
@@ -93,7 +56,7 @@ class Estimate:
         navigation_covariance: (9, 9) of the errors of position (t), misalignment (t) and velocity (p); None in mode
             velocity.
         omega_p_radps: (3,) angular rate of the platform against the tangent frame; None if not known.
-        beams: the last ping; None if there is none.
+        beams: the last ping, on the estimate's clock, NaN where a beam or its range is lost; None if there is none.
     """
 
     time_ns: int
@@ -109,7 +72,7 @@ class Estimate:
     position_t_m: Floats | None = None
     navigation_covariance: Floats | None = None
     omega_p_radps: Floats | None = None
-    beams: Beams | None = None
+    beams: Ping | None = None
 
     def __post_init__(self) -> None:
         """Checks every field and freezes the arrays.
@@ -205,7 +168,7 @@ class Estimate:
         *,
         state: State = "OK",
         reset_counter: int = 0,
-        beams: Beams | None = None,
+        beams: Ping | None = None,
     ) -> Self:
         """Mode velocity: a row of what `solve_velocity` gives with the methods "info", "plcf" or "lc".
 
@@ -245,7 +208,7 @@ class Estimate:
         reset_counter: int = 0,
         fixes: VelocityFixes | None = None,
         omega_p_radps: ArrayLike | None = None,
-        beams: Beams | None = None,
+        beams: Ping | None = None,
     ) -> Self:
         """Mode navigation: state and covariance of a navigator as they are now.
 
@@ -295,15 +258,13 @@ _SHAPES: dict[str, tuple[int, ...]] = {
 }
 
 
-def _array(name: str, value: ArrayLike, shape: tuple[int, ...] | None) -> Floats:
+def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """A read-only copy as float64."""
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} holds something else than numbers", place="estimate") from error
-    if shape is None and array.ndim != 1:
-        raise DataError(f"{name} has shape {array.shape}", place="estimate", expected="one number a beam")
-    if shape is not None and array.shape != shape:
+    if array.shape != shape:
         raise DataError(f"{name} has shape {array.shape}", place="estimate", expected=shape)
     array.flags.writeable = False
     return array

@@ -74,9 +74,7 @@ class _Restored(Port):
         self._number += 1
         ranges = np.full(self.geometry.beams, np.nan) if beams is None else beams.range_m
         altitude = math.nan if beams is None else altitude_m(beams, self._directions)
-        sent_ns = (
-            beams.transmission_ns if beams is not None and beams.transmission_ns is not None else time_ns
-        )
+        sent_ns = time_ns if beams is None else beams.transmission_ns
         since_ns = self._since_ns
         ping = Ping(
             time_ns=time_ns,

@@ -14,8 +14,9 @@ from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.cdr import CdrWriter
-from bottomlock.ports.estimate import Beams, Estimate, Floats
+from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import FrameName, Port
+from bottomlock.recordings.readings import Ping
 
 _BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
 
@@ -85,7 +86,7 @@ class RosDvl(Port):
         return math.atan2(y, x), math.hypot(x, y)
 
 
-def altitude_m(beams: Beams, directions_p: Floats) -> float:
+def altitude_m(beams: Ping, directions_p: Floats) -> float:
     """Mean distance to the bottom along the platform's z axis; NaN without a range."""
     vertical = beams.range_m * directions_p[:, 2]
     return float(np.nanmean(vertical)) if bool(np.isfinite(vertical).any()) else math.nan
