@@ -1,9 +1,9 @@
 """What live use opens: a device at an address, read as a source, written to as a target, or both.
 
-Bytes that come faster than they are taken wait in a bounded queue. Estimates are of the moment and do not wait: what
-cannot be written at once is dropped and counted. Where a receiver does not keep up, a fifth of a second of them waits
-on this side at most, or two messages. A simulated instrument writes its records `whole`, whatever waits, and leaves a
-receiver that is far behind.
+Bytes that come faster than they are taken wait in a bounded queue. Of the estimates that a receiver does not take in
+time, the newest of each port waits for it, a fifth of a second at most; older ones are dropped and counted. What the
+system has taken is a fifth of a second of them too, or two messages. A simulated instrument writes its records `whole`,
+whatever waits, and leaves a receiver that is far behind.
 """
 
 import asyncio
@@ -12,9 +12,10 @@ import math
 import socket
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 from bottomlock.live.loop import cancel, words_of
@@ -31,6 +32,8 @@ MOST_WAITING = 256
 """Pieces of a source that wait for their turn."""
 WAITING_S = 0.2
 """Longest time that a message waits on this side while others are written behind it."""
+AGAIN_S = 0.02
+"""Until a receiver that does not keep up is tried again."""
 WARN_AGAIN_S = 60.0
 """Time between two warnings of a receiver that falls behind."""
 MOST_BEHIND_BYTES = 1 << 20
@@ -72,16 +75,36 @@ class Pieces(deque[bytes]):
         self.clear()
 
 
+@dataclass(eq=False)
+class Outgoing:
+    """A message on its way: of which port, since when, and whether a receiver was given it."""
+
+    data: bytes
+    port: int
+    since_s: float = field(default_factory=time.monotonic)
+    is_given: bool = False
+
+
 class Receiver:
     """Takes the bytes of a socket, a serial line or a terminal: of estimates only those that it takes in time.
 
     Args:
         transport: asyncio's or the serial library's.
+        told: is given every message, and whether it `is_written` or dropped.
         whole: whether every byte is written.
     """
 
-    def __init__(self, transport: Any, *, whole: bool = False) -> None:  # noqa: ANN401
-        self.transport, self._whole = transport, whole
+    def __init__(
+        self,
+        transport: Any,  # noqa: ANN401
+        told: Callable[..., None] = lambda *_, **__: None,
+        *,
+        whole: bool = False,
+    ) -> None:
+        self.transport, self._told, self._whole = transport, told, whole
+        self._newest: dict[int, Outgoing] = {}
+        """What waits for it, by port, the longest first."""
+        self._again: asyncio.TimerHandle | None = None
         self.send = getattr(transport, "sendto", None) or transport.write
         self._waiting: deque[tuple[float, int]] = deque()
         """When each message was written that the receiver may not have, and its length."""
@@ -99,17 +122,33 @@ class Receiver:
         """Bytes that the system has not taken."""
         return int(self.transport.get_write_buffer_size())
 
-    def write(self, data: bytes) -> bool:
-        """Whether the bytes were written."""
+    def write(self, message: Outgoing) -> None:
+        """Writes a message, at once or as soon as it is taken; one of the same port that waits for that is dropped."""
         if self._whole:
-            if self.unwritten > MOST_BEHIND_BYTES:
-                self.transport.abort()
-                return False
-        elif self._is_late() or self.unwritten:
-            return False
-        self.send(data)
-        self._waiting.append((time.monotonic(), len(data)))
-        return True
+            is_behind = self.unwritten > MOST_BEHIND_BYTES
+            self.transport.abort() if is_behind else self.send(message.data)
+            self._told(message, is_written=not is_behind)
+            return
+        before = self._newest.pop(message.port, None)
+        if before is not None:
+            self._told(before, is_written=False)
+        self._newest[message.port] = message
+        if self._again is None:
+            self._pass_on()
+
+    def _pass_on(self) -> None:
+        """Writes what waits, oldest first, while it is taken."""
+        self._again = None
+        for port, message in list(self._newest.items()):
+            is_taken = not self._is_late() and not self.unwritten and not self.transport.is_closing()
+            if is_taken:
+                self.send(message.data)
+                self._waiting.append((time.monotonic(), len(message.data)))
+            elif not self.transport.is_closing() and time.monotonic() - message.since_s < WAITING_S:
+                self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._pass_on)
+                return
+            del self._newest[port]
+            self._told(message, is_written=is_taken)
 
     def _is_late(self) -> bool:
         """Whether it has not taken in time what it was sent before."""
@@ -161,7 +200,8 @@ class Device:
         where: the address at which another program opens it.
         retries: whether it is tried again where it cannot be opened; else `run` raises OSError.
         receivers: who can be written to.
-        not_written: messages that nobody was given, and those that a receiver was not given in time.
+        written: messages that somebody was given, by port.
+        dropped: those that nobody was given, or a receiver not in time, by port.
     """
 
     retries = True
@@ -181,7 +221,7 @@ class Device:
     ) -> None:
         self.address, self.state, self.where = address, NOT_OPENED, str(address)
         self.receivers: list[Receiver] = []
-        self.not_written = 0
+        self.written, self.dropped = Counter[int](), Counter[int]()
         self._on_state, self._on_data, self._on_connected = say, on_data, on_connected
         self._answers, self._greeting = answers, greeting
         self._whole, self._mode = whole, mode
@@ -261,7 +301,7 @@ class Device:
     @asynccontextmanager
     async def _open(self, transport: Any, words: str) -> AsyncIterator[Receiver]:  # noqa: ANN401
         """While a transport is open: who says nothing before it is spoken to is greeted, and it can be written to."""
-        receiver = Receiver(transport, whole=self._whole)
+        receiver = Receiver(transport, self._told, whole=self._whole)
         self.receivers.append(receiver)
         self._opened(words)
         greeting = asyncio.create_task(self._greet(receiver))
@@ -290,7 +330,7 @@ class Device:
                     if not data:
                         return "closed by the other side"
                     if answer := answers(data):
-                        receiver.write(answer)
+                        receiver.send(answer)
                     for begin in range(0, len(data), _PIECE):
                         self._wait(data[begin : begin + _PIECE])
             except TimeoutError:
@@ -298,17 +338,26 @@ class Device:
             except OSError as error:
                 return words_of(error)
 
-    def write(self, data: bytes) -> bool:
-        """Writes bytes at once, or drops them; whether somebody was given them."""
-        written = [receiver.write(data) for receiver in self.receivers]
-        self.not_written += written.count(False) if written else 1
+    def write(self, data: bytes, port: int = 0) -> bool:
+        """Writes a message of a port, in time or not at all; whether there is a receiver, as for a file."""
+        message = Outgoing(data, port)
+        for receiver in list(self.receivers):
+            receiver.write(message)
+        self.dropped[port] += not self.receivers
+        return bool(self.receivers)
+
+    def _told(self, message: Outgoing, *, is_written: bool) -> None:
+        if is_written:
+            self.written[message.port] += not message.is_given
+            message.is_given = True
+            return
+        self.dropped[message.port] += 1
         now_s = time.monotonic()
-        if False in written and now_s - self._warned_s > WARN_AGAIN_S:
+        if now_s - self._warned_s > WARN_AGAIN_S:
             self._warned_s = now_s
             self._on_state(
                 "a receiver reads too slowly, messages are dropped: set rate_hz below what it reads a second"
             )
-        return any(written)
 
     async def drained(self, most_bytes: float = 0) -> None:
         """Waits until no receiver has more bytes unwritten."""

@@ -140,8 +140,8 @@ def _port(live: Live, place: int) -> dict[str, Any]:
         "port": one.name,
         "to": live.config.port[place].to,
         "target": "dry run" if sink is None else sink.state,
-        "sent": one.sent if sink is None else live.written[place],
-        "dropped": 0 if sink is None else sink.not_written,
+        "sent": one.sent if sink is None else sink.written[place],
+        "dropped": 0 if sink is None else sink.dropped[place],
         "silent_because": one.silent_because,
     }
 

@@ -85,9 +85,6 @@ class Live:
         sinks: the targets of the ports, in place of those that their addresses name.
         clock: host's clock, ns since 1970, never falling.
         real_time: whether that clock goes on by itself, so that a pause of the process shows in it.
-
-    Attributes:
-        written: messages of each port that its target was given.
     """
 
     _ran_ns, _running = 0, False
@@ -113,7 +110,6 @@ class Live:
         if sinks is None:
             sinks = [] if send is not None else list(self._sinks())
         self.sinks = sinks
-        self.written = [0] * len(config.port)
         self._saver = ThreadPoolExecutor(max_workers=1)
         self._state = engine.state
 
@@ -221,7 +217,7 @@ class Live:
         if self._send is not None:
             self._send(message)
         else:
-            self.written[message.port] += self.sinks[message.port].write(message.data)
+            self.sinks[message.port].write(message.data, message.port)
 
     def _told(self) -> None:
         if self.engine.state != self._state:

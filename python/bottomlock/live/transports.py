@@ -172,7 +172,7 @@ class _Written(Device):
 
     _file: IO[bytes] | None = None
 
-    def write(self, data: bytes) -> bool:
+    def write(self, data: bytes, port: int = 0) -> bool:
         if self._file is not None:
             try:
                 self._file.write(data)
@@ -181,8 +181,9 @@ class _Written(Device):
                 self.state = f"cannot be written: {words_of(error)}"
             else:
                 self.state = "writing"
+                self.written[port] += 1
                 return True
-        self.not_written += 1
+        self.dropped[port] += 1
         return False
 
     async def _once(self) -> None:

@@ -39,9 +39,10 @@ class TopicSink(Device):
         super().__init__(address, lambda _: None)
         self.state, self._publisher = "publishing", publisher
 
-    def write(self, data: bytes) -> bool:
+    def write(self, data: bytes, port: int = 0) -> bool:
         """Publishes a serialised message."""
         self._publisher.publish(data)
+        self.written[port] += 1
         return True
 
 
