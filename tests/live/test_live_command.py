@@ -168,7 +168,7 @@ def test_a_fault_of_ours_stops_the_sending_and_is_said() -> None:
     for _, _, data in arrivals[:5]:
         running.arrive(0, data)
     assert len(sent) == 5
-    engine.estimator.ping = lambda *_: 1 / 0  # type: ignore[method-assign, assignment]
+    engine.estimator.take = lambda *_: 1 / 0  # type: ignore[method-assign, assignment]
     for _, _, data in arrivals[5:]:
         running.arrive(0, data)
     assert len(sent) == 5

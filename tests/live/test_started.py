@@ -258,10 +258,11 @@ def test_the_level_begins_anew_after_a_gap() -> None:
 RAGGED: Any = [[1.0], [1.0, 2.0], 3.0, 4.0]
 
 
-@pytest.mark.parametrize("key", ["velocity_mps", "valid", "sd_mps", "range_m"])
-@pytest.mark.parametrize("wrong", [RAGGED, ["a"] * 4, [0.5] * 3])
+@pytest.mark.parametrize("key", ["velocity_mps", "valid", "sd_mps", "range_m", "instrument_mps"])
+@pytest.mark.parametrize("wrong", [RAGGED, ["a"] * 4, [0.5] * 2])
 def test_a_ping_of_another_shape_is_refused_by_its_field(key: str, wrong: Any) -> None:  # noqa: ANN401
-    with pytest.raises(bottomlock.KernelError, match=rf"Ping\.{key} .*the DVL has 4 beams"):
+    expected = "x, y, z" if key == "instrument_mps" else "the DVL has 4 beams"
+    with pytest.raises(bottomlock.KernelError, match=rf"Ping\.{key} .*{expected}"):
         Navigator.start(**A50).push(replace(ping(0), **{key: wrong}))
     with pytest.raises(bottomlock.KernelError, match=r"Ping\.of_beams"):
         Ping.of_beams(0, RAGGED)

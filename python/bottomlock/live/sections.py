@@ -15,6 +15,7 @@ from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.own_method import not_replaced
 from bottomlock.ports.address import checked_by, sink_address, source_address
 from bottomlock.ports.estimate import VelocityMethod
+from bottomlock.ports.port import RateHz
 from bottomlock.recordings.sensors import INSTRUMENTS
 from bottomlock.recordings.stream_sections import Reordered
 
@@ -206,7 +207,7 @@ class NavigationSection(Section):
     """aiding method"""
     horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
     """how late a measurement may be and still be put in its place"""
-    estimate_hz: Annotated[float, Field(gt=0, le=1000), shown(unit="Hz")] = 20.0
+    estimate_hz: Annotated[RateHz, Field(le=1000), shown(unit="Hz")] = 20.0
     """estimates a second beside one after each ping"""
 
 
@@ -247,7 +248,7 @@ class SourceSection(Section):
     """where the bytes come from"""
     format: Annotated[SourceFormat, shown(example="waterlinked-json")]
     """format of the bytes"""
-    rate_hz: Annotated[float, Field(gt=0, le=10_000), shown(example=4.0)]
+    rate_hz: Annotated[RateHz, Field(le=10_000), shown(example=4.0)]
     """least rate that is expected"""
     clock: Literal["instrument", "host", "arrival"] = "instrument"
     """instrument: its stamps, mapped to the host's clock; host: its stamps as they are; arrival: the time of arrival"""
@@ -262,7 +263,7 @@ class SourceSection(Section):
     checksum: bool = False
     """whether every line needs a checksum, or those after the first that has one; imu-csv, attitude-csv and
     depth-csv"""
-    request_hz: Annotated[Annotated[float, Field(gt=0, le=1000)] | None, shown(example=50.0)] = None
+    request_hz: Annotated[Annotated[RateHz, Field(le=1000)] | None, shown(example=50.0)] = None
     """rate at which the autopilot is asked for what is read of it (SET_MESSAGE_INTERVAL); none: not asked; of
     mavlink"""
 
@@ -323,7 +324,7 @@ class PortSection(Section):
         ),
     ]
     """where the messages go"""
-    rate_hz: Annotated[Annotated[float, Field(gt=0, le=1000)] | None, shown(example=10.0)] = None
+    rate_hz: Annotated[Annotated[RateHz, Field(le=1000)] | None, shown(example=10.0)] = None
     """greatest rate; none: the port's own"""
     settings: Annotated[dict[str, Any], shown(range="keys of the port", example={"system": 1})] = Field(
         default_factory=dict

@@ -87,15 +87,18 @@ def checked(reading: Any, beams: int) -> Any:  # noqa: ANN401 - of the same clas
 
 def _checked_beams(reading: Ping | WaterReading, beams: int) -> Ping | WaterReading:
     arrays: dict[str, Any] = {}
-    kinds = (("velocity_mps", "fiu"), ("valid", "b"), ("sd_mps", "fiu"))
-    for name, kind in (*kinds, ("range_m", "fiu")) if isinstance(reading, Ping) else kinds:
-        given = getattr(reading, name)
+    counts = {"velocity_mps": beams, "valid": beams, "sd_mps": beams}
+    for name, count in (
+        counts | {"range_m": beams, "instrument_mps": 3} if isinstance(reading, Ping) else counts
+    ).items():
+        given, kind = getattr(reading, name), "b" if name == "valid" else "fiu"
         array = _array(given)
-        if array.dtype.kind not in kind or array.shape != (beams,):
+        if array.dtype.kind not in kind or array.shape != (count,):
             found = f"has shape {array.shape}" if array.dtype.kind in kind else f"is {_short(given)}"
+            of = "x, y, z" if name == "instrument_mps" else f"the DVL has {beams} beams"
             raise KernelError(
                 f"{type(reading).__name__}.{name} {found}",
-                expected=f"{'true or false' if kind == 'b' else 'numbers'}, ({beams},): the DVL has {beams} beams",
+                expected=f"{'true or false' if kind == 'b' else 'numbers'}, ({count},): {of}",
             )
         arrays[name] = array
     return replace(reading, time_ns=_time_ns(reading), **arrays)

@@ -16,9 +16,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field
 
 from bottomlock.errors import ScenarioError, note
-from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
-from bottomlock.ports.port import Port
+from bottomlock.ports.port import Port, RateHz
 from bottomlock.support.extras import mavlink
 from bottomlock.units import ns_from_s
 
@@ -96,7 +95,7 @@ class MavlinkPort(Port):
     each message counts as a new one. In mode velocity every ping is a new measurement, and none is held back.
     """
 
-    max_rate_hz: Positive | None = MAX_RATE_HZ
+    max_rate_hz: RateHz | None = MAX_RATE_HZ
     """most messages a second in mode navigation"""
     system_id: _Address = 1
     """of the sender"""

@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bottomlock.errors import DataError
-from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import SILENT, Estimate
 from bottomlock.units import ns_from_s
 
@@ -21,6 +20,8 @@ FrameName = Annotated[str, AfterValidator(_frame)]
 """Name of axes in a message of ROS 2."""
 
 
+RateHz = Annotated[float, Field(ge=1e-3, allow_inf_nan=False)]
+"""Of messages: one in a thousand seconds at least."""
 Answers = Callable[[bytes], bytes]
 """What to send back on bytes of a client."""
 
@@ -41,7 +42,7 @@ class Port(BaseModel):
     name: ClassVar[str]
     ros_type: ClassVar[str] = ""
 
-    max_rate_hz: Positive | None = None
+    max_rate_hz: RateHz | None = None
     """most messages a second; None for one an estimate"""
 
     def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's

@@ -15,7 +15,7 @@ from bottomlock.kernel import BeamGeometry
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import scalar_bound
-from bottomlock.ports.port import Answers, Port, incomplete
+from bottomlock.ports.port import Answers, Port, RateHz, incomplete
 from bottomlock.ports.ros_dvl import altitude_m
 
 MAX_RATE_HZ = 10.0
@@ -30,7 +30,7 @@ class _Restored(Port):
     """The setting that holds the largest σ that is sent."""
     geometry: BeamGeometry
     """the four beams, in the instrument's order"""
-    max_rate_hz: Positive | None = MAX_RATE_HZ
+    max_rate_hz: RateHz | None = MAX_RATE_HZ
     """most messages a second; None for every estimate"""
 
     def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
