@@ -82,8 +82,7 @@ impl Eskf {
     fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
         let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
         if self.measured.depth_ns > self.measured.position_ns {
-            let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * since_s;
+            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * self.since_depth_s();
             block.set_row(2, &-skew(&gained_t).row(2));
         }
         block

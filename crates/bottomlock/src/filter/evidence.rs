@@ -13,8 +13,9 @@
 //! - Only axes that are contradicted are charged: the vertical or the horizontal ones where either explains the reading, and where both do
 //!   those that have to be less wrong for it.
 //! - Of the inertial states an angle, a depth, and a position beside an accepted velocity charge those that they measure; a velocity,
-//!   and a position else, all of them, since a wrong velocity most often comes from a wrong tilt. What goes beyond five sigma is no
-//!   error of the tilt and goes to the measured states alone.
+//!   and a position else, all of them, since a wrong velocity most often comes from a wrong tilt. A position whose difference moves
+//!   faster than the velocity's covariance allows shows a wrong velocity, whatever beams were accepted: one or two measure but a
+//!   part of it. What goes beyond five sigma is no error of the tilt and goes to the measured states alone.
 //! - No evidence: beams that contradict each other whatever the covariance; readings that do not agree from one to the next;
 //!   assumptions.
 //!
@@ -33,7 +34,7 @@ use crate::aiding::{Innovation, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::filter::gate::{FIVE_SIGMA_FACTOR, LONGEST_DOUBT_NS};
 use crate::filter::report::Sensor;
-use crate::layout::VELOCITY;
+use crate::layout::{POSITION, VELOCITY};
 use crate::state::Covariance;
 
 /// Part of the variance of a doubted difference that is left where nothing has shown which is right.
@@ -53,7 +54,8 @@ struct Run {
     doubtful: u32,
     /// Sum of the logarithms of their factors.
     log_factor: f64,
-    /// What the last showed of the measured quantity's error.
+    /// What the first and the last showed of the measured quantity's error.
+    first: Vector3<f64>,
     correction: Vector3<f64>,
     /// Whether the covariance of the velocity holds the correction.
     is_held: bool,
@@ -67,6 +69,7 @@ impl Evidence {
     pub(super) fn check_restored(&self, time_ns: i64) -> Result<(), NavError> {
         self.0.iter().try_for_each(|run| {
             require_finite("rejections", time_ns, &[run.log_factor])?;
+            require_finite("rejections", time_ns, run.first.as_slice())?;
             require_finite("rejections", time_ns, run.correction.as_slice())
         })
     }
@@ -78,6 +81,7 @@ impl Run {
         if self.is_empty() || !agree(&self.correction, &correction) {
             *self = Self {
                 since_ns: time_ns,
+                first: correction,
                 ..Self::default()
             };
         }
@@ -136,6 +140,21 @@ impl Eskf {
         }
     }
 
+    /// Whether what a run of positions shows moves by more than the velocity's covariance and the noise of two readings allow.
+    pub(super) fn is_moving(&self, innovation: &Innovation, sensor: Sensor) -> bool {
+        let run = self.run(sensor);
+        if run.is_empty() {
+            return false;
+        }
+        let since_s = (self.state.time_ns - run.since_ns) as f64 * 1e-9;
+        let rotation = self.rotation();
+        let velocity = rotation * self.covariance.fixed_view::<3, 3>(VELOCITY, VELOCITY) * rotation.transpose();
+        let allowed = velocity * since_s.powi(2) + innovation.noise.fixed_view::<3, 3>(0, 0) * 2.0;
+        let moved = solved(innovation, POSITION) - run.first;
+        let factor = allowed.cholesky();
+        factor.is_some_and(|factor| moved.dot(&factor.solve(&moved)) > self.plausible.threshold(3))
+    }
+
     fn run_mut(&mut self, sensor: Sensor) -> &mut Run {
         &mut self.evidence.0[sensor as usize]
     }
@@ -173,8 +192,10 @@ impl Eskf {
             *self.run_mut(sensor) = Run::default();
         }
         let with_further_noise = self.with_further_noise(innovation);
-        let whole = self.whole_covariance(with_further_noise.as_deref().unwrap_or(innovation));
-        let innovation = with_further_noise.as_deref().unwrap_or(innovation);
+        let mut innovation = with_further_noise.as_deref().unwrap_or(innovation).clone();
+        self.linearise(&mut innovation);
+        let innovation = &innovation;
+        let whole = self.whole_covariance(innovation);
         let limit = self.plausible.threshold(innovation.degrees);
         let explains = |own: &Rows, factor: f64| norm_squared(innovation, &(whole + own * (factor - 1.0))) <= limit;
         if explains(&Rows::zeros(), 1.0) {

@@ -95,6 +95,60 @@ fn position_inflates_all_states_where_a_direction_is_open() {
     }
 }
 
+/// By hand, for a velocity of 0.05 m/s that beams measure and fixes of 1 m, 5 s apart: (5 × 0.05)² + 2 × 1 = 2.0625 m², so that a
+/// difference which moves by 3 m is one of the position, 9/2.0625 < 14.2, and one by 12 m is one of the velocity.
+#[test]
+fn position_that_moves_away_inflates_all_states() {
+    for moved_m in [3.0, 12.0] {
+        let mut filter = filter(&Model::table_2());
+        let mut covariance = filter.covariance();
+        for k in VELOCITY..VELOCITY + 3 {
+            covariance[(k, k)] = 0.05 * 0.05;
+        }
+        filter.set_covariance(&covariance).unwrap();
+        filter.measured.velocity_ns = Some(5_000_000_000);
+        for (time_ns, north_m) in [(0, 50.0), (5_000_000_000, 50.0 + moved_m)] {
+            filter.state.time_ns = time_ns;
+            let fix = Vec3::new(north_m, 0.0, 0.0);
+            let fix = filter.with_motion(|motion| position(motion, &fix, &[1.0; 3], &Vec3::zeros()));
+            let factor = noted(&mut filter, &fix, Sensor::AcousticPosition, false);
+            assert_eq!(factor.is_some(), time_ns > 0);
+        }
+        let grown = filter.covariance()[(ATTITUDE, ATTITUDE)] / covariance[(ATTITUDE, ATTITUDE)];
+        let expected = if moved_m > 10.0 { 25.0 } else { 1.0 };
+        assert!((grown / expected - 1.0).abs() < 1e-9, "{moved_m}: {grown}");
+    }
+}
+
+/// What the gate rejects at the corrected path counts, though it would pass as it is: a north that tilts the path by the east.
+#[test]
+fn evidence_is_what_the_gate_has_judged() {
+    let mut filter = filter(&Model::table_2());
+    let mut covariance = filter.covariance();
+    let (north, east, yaw) = (POSITION, POSITION + 1, ATTITUDE + 2);
+    for (k, sd) in [(north, 400.0), (east, 10.0), (yaw, 0.2)] {
+        covariance[(k, k)] = sd * sd;
+    }
+    // A yaw that has moved the east moves it the other way once the path is as long as the fix says.
+    covariance[(yaw, east)] = 0.98 * 0.2 * 10.0;
+    covariance[(east, yaw)] = covariance[(yaw, east)];
+    filter.set_covariance(&covariance).unwrap();
+    let fix = Vec3::new(-49.0, 25.0, 0.0);
+    let fix = filter.with_motion(|motion| position(motion, &fix, &[0.1; 3], &Vec3::zeros()));
+    let mut at_path = fix.clone();
+    filter.linearise(&mut at_path);
+    let nis = |innovation: &Innovation| norm_squared(innovation, &filter.whole_covariance(innovation));
+    let limit = filter.plausible.threshold(3);
+    assert!(
+        nis(&fix) < limit && nis(&at_path) > limit,
+        "{} {}",
+        nis(&fix),
+        nis(&at_path)
+    );
+    assert_eq!(noted(&mut filter, &fix, Sensor::AcousticPosition, false), None);
+    assert!(noted(&mut filter, &fix, Sensor::AcousticPosition, false).is_some());
+}
+
 /// A measurement within its gate resets the count, an assumption never counts.
 #[test]
 fn only_rejections_of_sensors_count() {

@@ -72,21 +72,10 @@ impl Eskf {
     ) -> Result<UpdateReport, NavError> {
         let mut innovation = innovation.clone();
         let before = self.covariance[DOWN];
-        match innovation.tangent_rows {
-            TangentRows::None | TangentRows::Yaw => {}
-            TangentRows::Velocity => {
-                let gained_t = self.rotation() * self.first_correction(&innovation).fixed_rows::<3>(VELOCITY);
-                add_by_misalignment(&mut innovation, &-skew(&gained_t));
-            }
-            TangentRows::Position => self.linearise_at_corrected_path(&mut innovation),
-            TangentRows::Depth => {
-                let product_m2ps2 = self.vertical_product_variance();
-                if product_m2ps2 > LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
-                    let since_s = (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-                    innovation.corrects = Corrects::Depth;
-                    self.covariance[DOWN] += product_m2ps2 * since_s * since_s;
-                }
-            }
+        self.linearise(&mut innovation);
+        if innovation.corrects == Corrects::Depth {
+            let since_s = self.since_depth_s();
+            self.covariance[DOWN] += self.vertical_product_variance() * since_s * since_s;
         }
         let outcome = self.fuse_rows(&innovation, sensor);
         if outcome.as_ref().is_ok_and(UpdateReport::was_used) {
@@ -95,6 +84,25 @@ impl Eskf {
             self.covariance[DOWN] = before;
         }
         outcome
+    }
+
+    /// Takes rows in the tangent frame as an update does, for its gate and for what a rejected reading is evidence of.
+    pub(super) fn linearise(&self, innovation: &mut Innovation) {
+        match innovation.tangent_rows {
+            TangentRows::None | TangentRows::Yaw => {}
+            TangentRows::Velocity => {
+                let gained_t = self.rotation() * self.first_correction(innovation).fixed_rows::<3>(VELOCITY);
+                add_by_misalignment(innovation, &-skew(&gained_t));
+            }
+            TangentRows::Position => self.linearise_at_corrected_path(innovation),
+            TangentRows::Depth if self.is_beyond_linear_range() => innovation.corrects = Corrects::Depth,
+            TangentRows::Depth => {}
+        }
+    }
+
+    /// Time since the last depth, s.
+    pub(super) fn since_depth_s(&self) -> f64 {
+        (self.state.time_ns - self.measured.depth_ns) as f64 * 1e-9
     }
 
     /// The error that an innovation of three rows explains by itself.
