@@ -3,6 +3,7 @@
 Tests skip where there is no Chromium.
 """
 
+import base64
 import json
 import os
 import shutil
@@ -108,6 +109,10 @@ class Browser:
         if "exceptionDetails" in done:
             raise ValueError(done["exceptionDetails"])
         return done["result"].get("value")
+
+    def picture(self) -> bytes:
+        """The window as a PNG."""
+        return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
     def wait(self, script: str) -> None:
         """Returns once an expression of JavaScript is true.

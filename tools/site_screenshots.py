@@ -14,7 +14,6 @@ import contextlib
 import io
 import json
 import re
-import shutil
 import socket
 import subprocess
 import sys
@@ -29,13 +28,18 @@ from typing import Any
 
 from PIL import Image, ImageChops
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from bottomlock.files.atomic_write import write_bytes
+from tests.browser import Browser
+from tests.live.processes import free_port
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs" / "figures"
 LOGS = ROOT / "data" / "logs"
 COLOURS, MARGIN_PX = 256, 24
-DARK = ("--force-dark-mode", "--blink-settings=preferredColorScheme=0")
+DRAWN_S = 3.0
+"""Until the scripts of a page have drawn, and a live page has had its first states."""
 
 Pages = Callable[[Path], contextlib.AbstractContextManager[str]]
 
@@ -102,13 +106,6 @@ def running(*words: str) -> Iterator[None]:
         process.wait()
 
 
-def free_port() -> int:
-    """A TCP port that nobody listens on."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
 def wait_for(page: str, ready: Callable[[dict[str, Any]], bool], within_s: float = 60.0) -> None:
     """Waits until the state behind a health page is as it is wanted.
 
@@ -147,7 +144,7 @@ def audited(folder: Path) -> Iterator[str]:
 @contextlib.contextmanager
 def navigating(_: Path) -> Iterator[str]:
     """The health page of a navigation that has lost two beams."""
-    port = free_port()
+    port = free_port(socket.SOCK_STREAM)
     with running("live-demo", "--seconds", "60", "--page-port", str(port)):
         page = f"http://127.0.0.1:{port}/"
         wait_for(page, lambda health: [one["used"] for one in health["beams"]] == [True, True, False, False])
@@ -157,7 +154,10 @@ def navigating(_: Path) -> Iterator[str]:
 @contextlib.contextmanager
 def sending(folder: Path) -> Iterator[str]:
     """The health page of four receivers, of which two get what two beams determine."""
-    places = {"dvl": free_port(), "page": free_port(), "free": free_port()}
+    dvl, page, free = (
+        free_port(kind) for kind in (socket.SOCK_STREAM, socket.SOCK_STREAM, socket.SOCK_DGRAM)
+    )
+    places = {"dvl": dvl, "page": page, "free": free}
     configuration = folder / "ports.toml"
     configuration.write_text(PORTS.format(**places), encoding="utf-8")
     run(folder, "list", "scenarios", "--copy", "straight", "--out", "two_beams.toml")
@@ -168,9 +168,9 @@ def sending(folder: Path) -> Iterator[str]:
     )
     source = (str(folder / "two_beams.toml"), "--dvl", f"tcpin:127.0.0.1:{places['dvl']}")
     with running("simulate-dvl", *source), running("live", str(configuration)):
-        page = f"http://127.0.0.1:{places['page']}/"
-        wait_for(page, lambda health: health["state"] == "PARTIAL" and health["ports"][0]["sent"] > 10)
-        yield page
+        address = f"http://127.0.0.1:{places['page']}/"
+        wait_for(address, lambda health: health["state"] == "PARTIAL" and health["ports"][0]["sent"] > 10)
+        yield address
 
 
 SHOTS = {
@@ -181,31 +181,14 @@ SHOTS = {
 }
 
 
-def chromium() -> str:
-    """The browser.
-
-    Raises:
-        SystemExit: where there is none.
-    """
-    for name in ("chromium", "chromium-browser", "google-chrome"):
-        found = shutil.which(name)
-        if found:
-            return found
-    raise SystemExit("site_screenshots: chromium not found; install it (apt install chromium)")
-
-
 def taken(page: str, shot: Shot, *, dark: bool) -> Image.Image:
     """The page as the browser draws it, without what is empty at its end."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "page.png"
-        # Of a file until its scripts have drawn; a live page has a stream that never ends.
-        until = "--virtual-time-budget=4000" if page.startswith("file:") else "--timeout=3000"
-        options = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", until]
-        options += [*(DARK if dark else ()), f"--window-size={shot.width_px},{shot.height_px}"]
-        subprocess.run(  # noqa: S603 - our own arguments
-            [chromium(), *options, f"--screenshot={path}", page], check=True, capture_output=True
-        )
-        image = Image.open(path).convert("RGB")
+    with Browser() as browser:
+        browser.size(shot.width_px, shot.height_px)
+        browser.media(dark=dark)
+        browser.open(page)
+        time.sleep(DRAWN_S)
+        image = Image.open(io.BytesIO(browser.picture())).convert("RGB")
     paper = Image.new("RGB", image.size, image.getpixel((0, image.height - 1)))
     drawn = ImageChops.difference(image, paper).getbbox()
     return image.crop((0, 0, image.width, min(image.height, drawn[3] + MARGIN_PX))) if drawn else image

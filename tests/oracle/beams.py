@@ -61,18 +61,6 @@ def beam_noise(A: Array, levers: Array, gyro_sd: float, sd: Array) -> Array:
     return noise
 
 
-def beam_noise_small_levers(sd: Array) -> Array:
-    """Eq. 21."""
-    return np.diag(sd**2)
-
-
-def h_loose_printed() -> Array:
-    """Eq. 18 turned to 3 × 20: the velocity block alone (errata E6, E7)."""
-    H = np.zeros((3, 20))
-    H[:, 6:9] = np.eye(3)
-    return H
-
-
 def h_tight(A: Array, velocity: Array, levers: Array, scale_factor: float) -> Array:
     """Eq. 22, m × 20, row i with its own lever arm: b_iᵀ [l_i×] multiplies the gyro bias (erratum E7)."""
     H = np.zeros((len(A), 20))
@@ -82,10 +70,3 @@ def h_tight(A: Array, velocity: Array, levers: Array, scale_factor: float) -> Ar
         H[i, 15 + i] = 1.0
         H[i, 19] = b @ velocity
     return H
-
-
-def h_loose(A: Array, R: Array, velocity: Array, levers: Array, scale_factor: float) -> Array:
-    """Eq. 18 in full: the tight rows carried through the weighted left inverse of A (erratum E7)."""
-    W = np.linalg.inv(R)
-    left_inverse = np.linalg.inv(A.T @ W @ A) @ A.T @ W
-    return left_inverse @ h_tight(A, velocity, levers, scale_factor)

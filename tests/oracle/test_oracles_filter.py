@@ -3,40 +3,10 @@
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.integrate import quad, quad_vec
-from scipy.linalg import expm
+from scipy.integrate import quad
 
 from tests.dive import gauss_markov
-from tests.oracle import chi_squared, error_model, gravity, kalman, mechanisation
-from tests.oracle.rotations import Array, matrix_from_euler
-
-
-def test_scalar_update_by_hand() -> None:
-    """Hand-worked: prior variance 4, reading variance 1, residual 10: gain 0.8, estimate 8, variance 0.8."""
-    x, P = kalman.update(np.zeros(1), np.array([[4.0]]), np.eye(1), np.eye(1), np.array([10.0]))
-    assert x[0] == pytest.approx(8.0)
-    assert P[0, 0] == pytest.approx(0.8)
-    assert kalman.nis(np.eye(1), np.array([[4.0]]), np.eye(1), np.array([10.0])) == pytest.approx(20.0)
-
-
-def system() -> tuple[Array, Array]:
-    """F and G Q Gᵀ of the papers' sensor at a tilted place."""
-    R, v = matrix_from_euler(0.1, 0.2, 1.0), np.array([2.0, 0.1, -0.2])
-    F = error_model.f_full(
-        R, v, np.array([0.01, 0.02, 0.1]), np.array([0, 0, 9.8]), mechanisation.earth_rate_tangent(0.57)
-    )
-    G = error_model.g_full(R, v)
-    Q = error_model.noise_density(1.2e-3, 9.9e-5, 1e-5, 4.9e-7, 5e-5, 5e-5)
-    return F, G @ Q @ G.T
-
-
-def test_van_loan_equals_its_integral() -> None:
-    """Qd = ∫ e^{Fs} GQGᵀ e^{Fᵀs} ds by quadrature, and Φ by its own exponential."""
-    F, GQG = system()
-    Phi, Qd = kalman.van_loan(F, GQG, 0.5)
-    np.testing.assert_allclose(Phi, expm(F * 0.5), atol=1e-13)
-    integral, _ = quad_vec(lambda s: expm(F * s) @ GQG @ expm(F * s).T, 0.0, 0.5, epsrel=1e-12)
-    np.testing.assert_allclose(Qd, integral, rtol=1e-9, atol=1e-18)
+from tests.oracle import chi_squared, gravity
 
 
 def test_average_band_of_textbooks() -> None:

@@ -46,8 +46,11 @@ def test_consistent_methods(method: Method, trajectory: str) -> None:
 
 
 def test_virtual_beam_locks_fixes_out() -> None:
-    """Erratum E5 with n_f = 1: its gate rejects most fixes in turns (81 % seen); TC with the same gate 0.2 %."""
-    ensemble = ensembles.run_ensemble("figure_eight", METHODS["figure_eight"])
+    """Erratum E5 with n_f = 1: its gate rejects most fixes in turns (81 % seen); TC with the same gate 0.2 %.
+
+    The shares differ by factors, which 3,000 fixes of twelve runs show.
+    """
+    ensemble = ensembles.run_ensemble("figure_eight", METHODS["figure_eight"], runs=12)
     accepted, rejected = (
         ensemble.batch["fixes_accepted"].sum(axis=0),
         ensemble.batch["fixes_rejected"].sum(axis=0),
@@ -65,6 +68,7 @@ def test_sway_assumptions_are_conservative_where_they_hold(method: str) -> None:
     assert nees.mean() < chi_squared.mean_band(nees.mean(axis=1), DEGREES)[1]
 
 
+@pytest.mark.first_cases(1)
 @pytest.mark.parametrize("trajectory", TRAJECTORIES)
 def test_gate_rejects_at_its_rate(trajectory: str) -> None:
     """The joint gate passes 99.73 % of good fixes: rejections of LC and TC are binomial at 0.27 %."""
