@@ -7,7 +7,7 @@ from importlib.resources import files
 import pytest
 
 from bottomlock.figures.palette import new_figure
-from bottomlock.pages.page import Looked, Page, Part, Picture, html
+from bottomlock.pages.page import Looked, Page, Part, Pictures, html
 from tests.pages.test_plots import plots
 
 SHA256 = {
@@ -36,7 +36,7 @@ def script() -> str:
 
 
 def page(*, looked: bool) -> str:
-    picture = Picture.of(new_figure(), "one", "Nothing.")
+    picture = Pictures().add(new_figure(), "one", "Nothing.")
     block = Looked(plots(), [picture]) if looked else picture
     return html(Page("A dive", [], [Part("dive", "The dive", [block])], "hands"))
 

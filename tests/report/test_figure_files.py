@@ -1,7 +1,6 @@
 """Below each figure of a campaign are its files, and it draws the campaign's tables."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,17 @@ import polars as pl
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
+from bottomlock.figures.palette import figure_files
+from bottomlock.files.overwriting import Files
 from bottomlock.paper.claims import ValueClaim, load_paper
-from bottomlock.report.drawings import Drawing, drawings
 from bottomlock.report.page import make_report
+from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.campaign import CHOICES
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
 from bottomlock.tables.studies import CURRENT, VIRTUAL_BEAM_FACTOR
-from tests.drawn_points import held, points
+from tests.drawn_points import points
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import METHODS, TIMES_S, write_whole
 from tests.undrawn import figures_undrawn
@@ -26,7 +28,7 @@ ENDS = ("png", "svg")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Drawing]]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Figure]]:
     """A campaign with everything that has a figure, its report, and the figures as they were handed to be drawn."""
     rows = (
         (VIRTUAL_BEAM_FACTOR, "1", "straight", "vb", 14.0, 1.3, 3.9e6, 0.1),
@@ -35,17 +37,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Draw
     )
     folder = write_whole(tmp_path_factory.mktemp("files") / "c", [*METHODS, "elc"], _growing, *rows)
     add_table(folder, "choices.parquet", _choices())
-    kept: list[Drawing] = []
+    kept: dict[str, Figure] = {}
 
-    def noted(*arguments: object) -> Iterator[Drawing]:
-        for one in drawings(*arguments):  # type: ignore[arg-type]
-            kept.append(one)
-            yield one
+    def noted(figure: Figure, stem: str) -> Files:
+        kept[stem.removeprefix("figures/")] = figure
+        return figure_files(figure, stem)
 
     with figures_undrawn(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr("bottomlock.report.page.drawings", noted)
+        patch.setattr("bottomlock.pages.page.figure_files", noted)
         make_report(folder)
-    return folder, {one.name: one for one in kept}
+    return folder, kept
 
 
 def _growing(
@@ -70,12 +71,12 @@ def _choices() -> pl.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def folder(made: tuple[Path, dict[str, Drawing]]) -> Path:
+def folder(made: tuple[Path, dict[str, Figure]]) -> Path:
     return made[0]
 
 
 @pytest.fixture(scope="module")
-def drawn(made: tuple[Path, dict[str, Drawing]]) -> dict[str, Drawing]:
+def drawn(made: tuple[Path, dict[str, Figure]]) -> dict[str, Figure]:
     return made[1]
 
 
@@ -84,7 +85,7 @@ def campaign(folder: Path) -> CampaignTables:
     return read_campaign_tables(folder)
 
 
-def test_every_figure_links_its_two_files(folder: Path, drawn: dict[str, Drawing]) -> None:
+def test_every_figure_links_its_two_files(folder: Path, drawn: dict[str, Figure]) -> None:
     """Below the figure itself, and no file is without a link."""
     text = (folder / "report.html").read_text(encoding="utf-8")
     figures = re.findall("<figure.*?</figure>", text, re.DOTALL)
@@ -107,14 +108,14 @@ def corners(axes: Axes, place: int) -> set[tuple[float, float]]:
 
 
 def test_errors_draw_the_ensemble_with_its_interval(
-    drawn: dict[str, Drawing], campaign: CampaignTables
+    drawn: dict[str, Figure], campaign: CampaignTables
 ) -> None:
     """Points, diamonds of the paper, shaded intervals."""
     printed = {(one.time_s, one.printed) for one in load_paper().claim if isinstance(one, ValueClaim)}
     for quantity, unit in (("velocity", "mps"), ("attitude", "deg")):
         table, (axes,) = (
             campaign.ensemble.filter(trajectory="straight"),
-            drawn[f"{quantity}_straight"].figure.axes,
+            drawn[f"{quantity}_straight"].axes,
         )
         value, low, high = (f"{quantity}_rms_over_runs_{end}{unit}" for end in ("", "lo_", "hi_"))
         shown = set(map(tuple, points(axes).tolist()))
@@ -128,8 +129,8 @@ def test_errors_draw_the_ensemble_with_its_interval(
             assert corners(axes, place) <= ends
 
 
-def test_nees_draws_the_ensemble_with_the_band(drawn: dict[str, Drawing], campaign: CampaignTables) -> None:
-    (axes,) = drawn["nees_straight"].figure.axes
+def test_nees_draws_the_ensemble_with_the_band(drawn: dict[str, Figure], campaign: CampaignTables) -> None:
+    (axes,) = drawn["nees_straight"].axes
     known = set(
         campaign.ensemble.drop_nulls("nees_mean_over_runs").select("time_s", "nees_mean_over_runs").rows()
     )
@@ -140,21 +141,23 @@ def test_nees_draws_the_ensemble_with_the_band(drawn: dict[str, Drawing], campai
     assert stated == [pytest.approx((box.y0, box.y1))]
 
 
-def test_panels_draw_their_method_and_the_others(drawn: dict[str, Drawing], campaign: CampaignTables) -> None:
+def test_every_method_is_drawn_once_more(drawn: dict[str, Figure], campaign: CampaignTables) -> None:
+    """All methods in one figure, and error over σ of each in its nine components."""
     table = campaign.ensemble.filter(trajectory="straight")
-    panels = [one for one in drawn["methods_straight"].figure.axes if one.get_title("left")]
-    assert {one.get_title("left") for one in panels} == {*METHODS, "elc"}
-    for panel in panels:
-        line = panel.lines[-1]
-        shown = np.column_stack([line.get_xdata(), line.get_ydata()])
-        own = table.filter(method=panel.get_title("left")).select("time_s", "velocity_rms_over_runs_mps")
-        assert set(map(tuple, shown.tolist())) == set(own.rows())
-        assert held(points(panel), table["time_s"], table["velocity_rms_over_runs_mps"]) == 1.0
+    (axes,) = drawn["methods_straight"].axes
+    known = set(table.select("time_s", "velocity_rms_over_runs_mps").rows())
+    assert set(map(tuple, points(axes).tolist())) == known
+    (axes,) = drawn["normalised_straight"].axes
+    errors = read_run_errors(campaign, "straight").normalised_rms
+    shown = [
+        float(y) for line in axes.lines for y in np.asarray(line.get_ydata()) if len(line.get_xdata()) == 9
+    ]
+    assert sorted(shown) == sorted(np.concatenate([errors[method] for method in [*METHODS, "elc"]]).tolist())
 
 
-def test_selections_are_stacked_shares_of_the_choices(drawn: dict[str, Drawing]) -> None:
+def test_selections_are_stacked_shares_of_the_choices(drawn: dict[str, Figure]) -> None:
     """A source that no run chooses at a ping has zero there."""
-    axes = next(one for one in drawn["choices_straight"].figure.axes if one.get_title("left") == "elc: sway")
+    axes = next(one for one in drawn["choices_straight"].axes if one.get_title("left") == "elc: sway")
     assert corners(axes, 0) == {
         (t, y) for t, top in ((1.0, 1.0), (2.0, 0.75), (3.0, 0.0)) for y in (0.0, top)
     }
@@ -163,15 +166,15 @@ def test_selections_are_stacked_shares_of_the_choices(drawn: dict[str, Drawing])
     }
 
 
-def test_a_sweep_draws_its_rows_and_the_level_of_tc(drawn: dict[str, Drawing]) -> None:
-    (axes,) = drawn["sweep_1_straight"].figure.axes
+def test_a_sweep_draws_its_rows_and_the_level_of_tc(drawn: dict[str, Figure]) -> None:
+    (axes,) = drawn["sweep_1_straight"].axes
     assert any(set(np.asarray(line.get_ydata()).tolist()) == {0.3} for line in axes.lines)
     assert set(map(tuple, points(axes).tolist())) == {(0.0, 14.0), (1.0, 0.2)}
     assert [one.get_text() for one in axes.get_xticklabels()] == ["1", "10"]
 
 
-def test_trajectories_draw_the_truth(drawn: dict[str, Drawing], campaign: CampaignTables) -> None:
-    table, (plan, depth) = campaign.paths, drawn["trajectories"].figure.axes
+def test_trajectories_draw_the_truth(drawn: dict[str, Figure], campaign: CampaignTables) -> None:
+    table, (plan, depth) = campaign.paths, drawn["trajectory_straight"].axes
     assert table is not None
     assert set(map(tuple, points(plan).tolist())) == set(table.select("east_m", "north_m").rows())
     assert set(map(tuple, points(depth).tolist())) == set(

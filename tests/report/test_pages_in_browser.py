@@ -9,7 +9,7 @@ import pytest
 
 from bottomlock.figures.palette import new_figure
 from bottomlock.files.records import write_recorded_table
-from bottomlock.pages.page import Page, Part, Picture, Table, folded, html
+from bottomlock.pages.page import Page, Part, Pictures, Table, folded, html
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     make_report(top / "a")
     compare([top / "a", top / "b"], top / "both")
     pictures = [
-        Picture.of(new_figure(), name, "Nothing.", kind=kind) for name, kind in (("one", "wide"), ("two", ""))
+        Pictures().add(new_figure(), name, "Nothing.", kind) for name, kind in (("one", "wide"), ("two", ""))
     ]
     cells = Table(
         ["Method", *(f"beams {k}" for k in range(15))],

@@ -9,7 +9,7 @@ import pytest
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.pages.page import html
+from bottomlock.pages.page import Pictures, html
 from bottomlock.statistics.chi_squared import family_band, verdict
 from bottomlock.studies.study import Cell, cells, study
 from bottomlock.studies.study_page import figure, page, summary
@@ -126,7 +126,7 @@ def test_sums_by_method_and_the_page() -> None:
         "velocity_least_mps": 0.05, "velocity_most_mps": 4.25,
     }  # fmt: skip
     assert (sums["vb"]["overconfident"], sums["vb"]["conservative"]) == (1, 1)
-    text = html(page(by_hand(), ["Command: `x`"], "hands"))
+    text = html(page(by_hand(), ["Command: `x`"], "hands", Pictures()))
     for words in ("9.75 ▲", "0.050 ▽", "4.25"):
         assert words in text
     assert text.count('<svg role="img"') == 1

@@ -14,13 +14,12 @@ from bottomlock.audit.findings import findings_table
 from bottomlock.audit.matrix import azimuth, tilt
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.images import images_of
 from bottomlock.figures.palette import FAINT, INK, STYLE
 from bottomlock.figures.series import Curve, Panel, View, valid_panel
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
-from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Table, html
+from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Pictures, Table, html
 from bottomlock.pages.pieces import explained, findings_part, json_part, number
 from bottomlock.pages.plots import Plots
 
@@ -198,16 +197,13 @@ def audit_files(audit: Audit) -> Files:
         "beams.parquet": parquet_bytes(beams_table(audit)),
         "closure.parquet": parquet_bytes(closure_table(audit)),
     }
-    pictures, plots = {}, plots_of(audit)
-    for name, figure in drawings(audit, plots).items():
-        images = images_of(figure)
-        own = images.files(name)
-        files |= own
-        kind = "wide" if name == "curves" else ""
-        pictures[name] = Picture.of_svg(
-            images.svg, f"audit_{name}", CAPTIONS[name], kind=kind, files=list(own)
-        )
-    return files | {"audit.html": html(explained(page_of(audit, content, pictures, plots)))}
+    drawn, plots = Pictures(""), plots_of(audit)
+    pictures = {
+        name: drawn.add(figure, name, CAPTIONS[name], "wide" if name == "curves" else "")
+        for name, figure in drawings(audit, plots).items()
+    }
+    page = html(explained(page_of(audit, content, pictures, plots)))
+    return files | drawn.files | {"audit.html": page}
 
 
 def page_of(

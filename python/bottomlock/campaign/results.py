@@ -136,11 +136,12 @@ class Results(CampaignResults):
         from bottomlock.figures.palette import shown_axes  # noqa: PLC0415
 
         name = self._known(trajectory)
-        axes = shown_axes(curves.PLACE) if axes is None else axes
         if quantity == "nees":
-            curves.draw_nees(axes, self.ensemble, self.consistency, name)
+            shown = curves.nees_of(self.ensemble, self.consistency, name)
         else:
-            curves.draw_rms(axes, self.ensemble, name, quantity)
+            shown = curves.errors_of(self.ensemble, name, quantity)
+        axes = shown_axes(curves.place_of(curves.HALF), size_in=curves.HALF) if axes is None else axes
+        curves.draw(axes, shown)
         return axes
 
     def _known(self, trajectory: str | None) -> str:

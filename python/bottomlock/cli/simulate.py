@@ -15,8 +15,8 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.flight import flight_figure
-from bottomlock.figures.images import images_of
-from bottomlock.figures.paths import paths_figure
+from bottomlock.figures.palette import figure_files
+from bottomlock.figures.paths import path_figure
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result
 from bottomlock.io.beams import InstrumentFile
@@ -94,8 +94,8 @@ def _of_vehicle(simulation: Simulation, sensors: int | None, *, dry_run: bool) -
         beams = _beams(simulation, flight.truth)
         files = _files(simulation, flight.truth, beams, sensors)
         files[f"{name}_telemetry.parquet"] = parquet_bytes(frame)
-        files |= images_of(paths_figure(frame, [name])).files(f"{name}_path")
-        files |= images_of(flight_figure(frame, beams)).files(f"{name}_motion")
+        files |= figure_files(path_figure(frame, name), f"{name}_path")
+        files |= figure_files(flight_figure(frame, beams), f"{name}_motion")
     legs = frame.filter("leg") if frame["leg"].any() else frame
     cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
     speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))

@@ -25,7 +25,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import kernel_version
-from bottomlock.pages.page import Table, html
+from bottomlock.pages.page import Pictures, Table, html
 from bottomlock.pages.pieces import plain
 from bottomlock.statistics.chi_squared import FALSE_ALARM
 from bottomlock.studies import cases
@@ -104,8 +104,9 @@ def study(
         interrupted(out, kept="cells")
     versions = ", ".join(f"{name} {version}" for name, version in library_versions().items())
     about = f"bottomlock {kernel_version()}, {versions}"
-    made = page(table, [f"Command: `{command}`", f"Made with {about}"], about)
-    result.write({"study.parquet": parquet_bytes(table), "study.html": html(made)}, force=force)
+    pictures = Pictures()
+    text = html(page(table, [f"Command: `{command}`", f"Made with {about}"], about, pictures))
+    result.write({"study.parquet": parquet_bytes(table), "study.html": text, **pictures.files}, force=force)
     if json:
         console.file.write(json_text({"out": str(out), "command": command, "cells": table.to_dicts()}))
         return

@@ -4,7 +4,7 @@ import io
 import re
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from bottomlock.files.overwriting import Files
 
 
 @dataclass(frozen=True)
@@ -214,6 +213,11 @@ def svg_text(figure: Figure) -> str:
     return re.sub(r'(?<= d=")[^"]+', lambda match: _shorter(match[0]), text)
 
 
+def figure_files(figure: Figure, stem: str) -> Files:
+    """The figure as PNG and SVG; `stem` is the path of both without an ending."""
+    return {f"{stem}.png": png_bytes(figure), f"{stem}.svg": svg_text(figure)}
+
+
 def _shorter(path: str) -> str:
     """Path data with one decimal of a point, invisible on paper and screen."""
     return re.sub(r"-?\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", path)
@@ -228,7 +232,7 @@ def shown_axes(
         return figure.add_axes(place)
 
 
-def shown_figure(size_in: tuple[float, float]) -> "Figure":
+def shown_figure(size_in: tuple[float, float]) -> Figure:
     """A new figure without axes, width and height in inches."""
     import matplotlib.pyplot as plt  # noqa: PLC0415 - it chooses a backend; only who plots needs one
 

@@ -1,4 +1,4 @@
-"""The true trajectories side by side: plan view and depth."""
+"""A true trajectory: plan view and depth."""
 
 import matplotlib as mpl
 import numpy as np
@@ -11,30 +11,24 @@ from bottomlock.figures.palette import FAINT, INK, STROKES, STYLE
 _PATH, _START, _END = STROKES["tc"].colour, STROKES["nsv"].colour, STROKES["vb"].colour
 
 
-def paths_figure(paths: pl.DataFrame, trajectories: list[str]) -> Figure:
-    """Plan view above depth for each trajectory.
+def path_figure(paths: pl.DataFrame, trajectory: str) -> Figure:
+    """Plan view above depth; the depth axis holds every trajectory of the table.
 
     Args:
         paths: the columns of `tables.campaign.PATHS`.
-        trajectories: which of them, in this order.
+        trajectory: one of its trajectories.
     """
     with mpl.rc_context(STYLE):
-        columns = len(trajectories)
-        figure = Figure(figsize=(2.9 * columns + 0.3, 4.6), layout="constrained")
-        grid = figure.add_gridspec(2, columns, height_ratios=[2.6, 1.0])
+        figure = Figure(figsize=(4.2, 4.6), layout="constrained")
+        plan, depth = figure.subplots(2, 1, height_ratios=[2.6, 1.0])
         deepest = max(float(paths["depth_m"].max()), 1.0)  # type: ignore[arg-type]
         shallowest = min(float(paths["depth_m"].min()), 0.0)  # type: ignore[arg-type]
-        for column, name in enumerate(trajectories):
-            path = _thinned(paths.filter(pl.col("trajectory") == name).sort("time_ns"))
-            plan, depth = figure.add_subplot(grid[0, column]), figure.add_subplot(grid[1, column])
-            plan.set_title(name.replace("_", " "), loc="left")
-            _plan(plan, path)
-            depth.plot(path["time_ns"].to_numpy() * 1e-9, path["depth_m"], color=_PATH, linewidth=1.5)
-            depth.set_ylim(deepest * 1.08, shallowest - 0.08 * deepest)
-            depth.set_xlabel("time, s")
-            if column == 0:
-                plan.set_ylabel("north, m")
-                depth.set_ylabel("depth, m")
+        path = _thinned(paths.filter(pl.col("trajectory") == trajectory).sort("time_ns"))
+        plan.set_title(trajectory.replace("_", " "), loc="left")
+        _plan(plan, path)
+        depth.plot(path["time_ns"].to_numpy() * 1e-9, path["depth_m"], color=_PATH, linewidth=1.5)
+        depth.set_ylim(deepest * 1.08, shallowest - 0.08 * deepest)
+        depth.set(xlabel="time, s", ylabel="depth, m")
     return figure
 
 
@@ -58,5 +52,5 @@ def _plan(axes: Axes, path: pl.DataFrame) -> None:
             name, (east[index], north[index]), xytext=(8, 0), textcoords="offset points", va="center",
             color=INK, fontsize=9.0,
         )  # fmt: skip
-    axes.set_xlabel("east, m")
+    axes.set(xlabel="east, m", ylabel="north, m")
     axes.tick_params(color=FAINT)

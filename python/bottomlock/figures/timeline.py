@@ -46,7 +46,7 @@ def timeline_figure(panels: Sequence[Panel], start_ns: int, *, utc: bool, title:
 
 def timeline_size_in(panels: Sequence[Panel]) -> tuple[float, float]:
     """Width and height of a figure of these panels, inches."""
-    return 1.5 * WIDTH_IN, 0.75 + sum(map(_height_in, panels))
+    return WIDTH_IN, 0.75 + sum(map(_height_in, panels))
 
 
 def _height_in(panel: Panel) -> float:
@@ -56,7 +56,7 @@ def _height_in(panel: Panel) -> float:
 def stacked_axes(figure: Figure, panels: Sequence[Panel]) -> list[Axes]:
     """Axes of panels with one time axis, the first at the top, in a figure of `timeline_size_in`."""
     _, height = timeline_size_in(panels)
-    width, bottom = 0.72 if any(panel.compared for panel in panels) else 0.885, height - 0.25
+    width, bottom = 0.68 if any(panel.compared for panel in panels) else 0.885, height - 0.25
     made: list[Axes] = []
     with mpl.rc_context(STYLE):
         for panel in panels:

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
-from bottomlock.figures.images import images_of
-from bottomlock.figures.palette import STROKES
+from bottomlock.figures.palette import STROKES, figure_files
 from bottomlock.figures.series import Curve, Floats, Panel
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.atomic_write import parquet_bytes
@@ -211,7 +210,7 @@ def observe_scenario(source: str | Path, out: str | Path, *, force: bool = False
     title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}: 1 sigma of every state"
     tables = {"observability": table, "manoeuvre_ranking": ranking}
     files = {f"{name}.parquet": parquet_bytes(frame) for name, frame in tables.items()}
-    result.write(files | images_of(deviation_figure(history, title=title)).files("deviations"), force=force)
+    result.write(files | figure_files(deviation_figure(history, title=title), "deviations"), force=force)
     return Observed(table, own_name, ranking)
 
 

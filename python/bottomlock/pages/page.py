@@ -6,7 +6,7 @@ there are colours. Tables are of strings, in which `<br>` begins a line.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any, Self
@@ -18,7 +18,8 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import STROKES, stroke, svg_text, swatch_svg
+from bottomlock.figures.palette import STROKES, figure_files, stroke, swatch_svg
+from bottomlock.files.overwriting import Files
 from bottomlock.pages.plots import Plots
 
 
@@ -29,21 +30,12 @@ def method(name: str) -> Markup:
 
 
 @cache
-def _file(name: str) -> str:
-    return files("bottomlock.pages").joinpath(name).read_text(encoding="utf-8")
+def _file(name: str) -> Markup:
+    """A stylesheet, script or licence of the package as it is."""
+    return Markup(files("bottomlock.pages").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 - our own
 
 
-def sheet(name: str) -> Markup:
-    """A stylesheet of the package."""
-    return Markup(_file(name))  # noqa: S704 - our own
-
-
-def script(name: str) -> Markup:
-    """A script or licence of the package as it is."""
-    return Markup(_file(name))  # noqa: S704 - our own
-
-
-def render(content: dict[str, Any]) -> str:
+def _render(content: dict[str, Any]) -> str:
     """The template with its content, as text."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bottomlock.pages"),
@@ -53,8 +45,7 @@ def render(content: dict[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    template = environment.get_template("page.html.j2")
-    return template.render(content | {"sheet": sheet, "script": script, "markup": Markup})
+    return environment.get_template("page.html.j2").render(content | {"file": _file, "markup": Markup})
 
 
 VERDICTS = ("consistent", "overconfident", "conservative", "fault", "warning", "note")
@@ -94,17 +85,25 @@ class Picture:
     kind: str = "wide"
     files: Sequence[str] = ()
 
-    @classmethod
-    def of(cls, figure: Figure, name: str, caption: str, *, kind: str = "wide") -> Self:
-        """A figure under a name of letters, digits and underscores that no other figure of the page has."""
-        return cls.of_svg(svg_text(figure), name, caption, kind=kind)
 
-    @classmethod
-    def of_svg(
-        cls, svg: str, name: str, caption: str, *, kind: str = "wide", files: Sequence[str] = ()
-    ) -> Self:
-        """The same of a figure that has been drawn as SVG, with its files."""
-        return cls(Markup(inline_svg(svg, name, caption)), caption, kind, files)  # noqa: S704 - our own
+@dataclass(frozen=True)
+class Pictures:
+    """The figures of a page, each with its PNG and SVG.
+
+    Attributes:
+        folder: of the files, from the page, with its stroke; "" for beside it.
+        files: of all figures, by their paths from the page.
+    """
+
+    folder: str = "figures/"
+    files: Files = field(default_factory=dict)
+
+    def add(self, figure: Figure, name: str, caption: str, kind: str = "wide") -> Picture:
+        """Draws a figure, under a name of letters, digits and underscores that no other figure of the page has."""
+        own = figure_files(figure, self.folder + name)
+        self.files.update(own)
+        svg = inline_svg(str(own[f"{self.folder}{name}.svg"]), name, caption)
+        return Picture(Markup(svg), caption, kind, list(own))  # noqa: S704 - our own
 
 
 @dataclass(frozen=True)
@@ -237,20 +236,8 @@ def html(page: Page) -> str:
         "kind": kind_of,
         "plain": plain_text,
         "looked": any(isinstance(block, Looked) for part in page.parts for block in part.blocks),
-        "linked": any(_linked(part.blocks) for part in page.parts),
     }
-    return render(content)
-
-
-def _linked(blocks: Sequence[Block]) -> bool:
-    """Whether any figure has files."""
-    return any(
-        bool(block.files)
-        if isinstance(block, Picture)
-        else (isinstance(block, Folded) and _linked(block.blocks))
-        or (isinstance(block, Looked) and _linked(block.still))
-        for block in blocks
-    )
+    return _render(content)
 
 
 def kind_of(text: str) -> str:

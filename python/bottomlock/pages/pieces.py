@@ -24,7 +24,7 @@ from bottomlock.pages.page import (
 from bottomlock.support.notebook import html_table
 
 MOST = 5
-"""Methods in a figure that stands open; the others are one click away, a panel each."""
+"""Methods in a figure that stands open; the others are one click away."""
 
 ORDER = (
     "dead_reckoning", "lc", "tc", "nsv", "ins", "vb", "sway_current", "weak_sway", "plcf", "vhv", "elc", "info",

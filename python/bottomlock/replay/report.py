@@ -9,14 +9,13 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
-from bottomlock.figures.images import images_of
 from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
-from bottomlock.pages.page import Picture, html
+from bottomlock.pages.page import Pictures, html
 from bottomlock.pages.pieces import explained
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
@@ -118,18 +117,13 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
 
 def report_files(tables: ReplayTables) -> Files:
     """The contents of the page and of the figures."""
-    files: Files = {}
-    figures = []
+    pictures, figures = Pictures(), []
     first_map = f"map_{tables.manifest['what_if'][0][0]}"
     plots = dive_of(tables)
     for drawing in drawings(tables, plots):
-        image = images_of(drawing.figure)
-        own = image.files(f"figures/{drawing.name}")
-        files |= own
         kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""
-        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
-        figures.append((drawing, picture))
-    return files | {PAGE: html(explained(page_of(tables, figures, plots)))}
+        figures.append((drawing, pictures.add(drawing.figure, drawing.name, drawing.caption, kind)))
+    return pictures.files | {PAGE: html(explained(page_of(tables, figures, plots)))}
 
 
 def dive_of(tables: ReplayTables) -> Plots:

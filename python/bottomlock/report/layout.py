@@ -2,32 +2,40 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Picture, Table, Terms, listed
-from bottomlock.pages.pieces import featured, glossaries, interval, json_part, number, title_of
-from bottomlock.paper.claims import Claim, ImprovementClaim, Paper, ValueClaim
+from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Table, Terms
+from bottomlock.pages.pieces import glossaries, interval, json_part, number, title_of
+from bottomlock.paper.claims import Claim, ImprovementClaim, ValueClaim
 from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current
-from bottomlock.report.drawings import Drawing, virtual_beams
+from bottomlock.report.drawings import (
+    Content,
+    consistency,
+    errors_over_time,
+    every_method,
+    paths,
+    sweeps,
+    virtual_beam,
+)
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
 from bottomlock.tables.results import CampaignTables
 from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR
 
-_FIRST_CALIBRATION = """\
-The horizontal axis is the σ that the filter claims for its velocity, the vertical axis the error that it makes. A
-method moves along its curve with time, and the ring is where it ends.
-
-**On the diagonal** the error is as large as claimed: the σ can be used, by a gate or by the next system. **In the grey
-half** the error is larger than claimed: the filter is overconfident, rejects good beams and is trusted where it should
-not be. **Below the diagonal** the error is smaller than claimed: the filter is merely cautious.
-
-A curve that runs to the upper right along the diagonal drifts and says so. A curve that climbs straight up drifts and
-does not know it: a small error at the end does not make up for that."""
+_CALIBRATION = """\
+Left figure: a method moves along its curve with time. **On the diagonal** the error is as large as the filter claims.
+**In the grey half** it is larger: the filter is overconfident, and rejects good beams. **Below the diagonal** it is
+smaller: the filter is merely cautious. A curve along the diagonal drifts and says so; one that climbs straight up
+drifts and does not know it, however small its error is at the end."""
+_PAPER = "Tal, Klein & Katz 2017, reproduced"
+_NO_TRUTH = "They are not drawn: the directory has no truth.parquet."
+_SLENDER = (
+    '`sway_current` assumes a slender vehicle unless `vehicle` in `[filter.water]` names another, as "hovering" '
+    "(docs/hovering.md)."
+)
 _RECOMMENDED = (
     "Consistent on a trajectory: the mean NEES of velocity and attitude over runs is at none of the judged times above "
     "its chi-squared band, and the gate rejects more than half of the fixes in no run. Recommended: consistent on "
@@ -66,52 +74,14 @@ _ORDERINGS = (
 )
 
 
-@dataclass(frozen=True)
-class Content:
-    """What the page of a campaign is made from.
-
-    Attributes:
-        campaign: its tables.
-        paper: its claims.
-        claims: their verdicts, of the trajectories that were run as in the paper.
-        advice: recommendations for each trajectory.
-        choice: the method for all of them, None where there is none.
-        figures: drawn, each with its picture.
-    """
-
-    campaign: CampaignTables
-    paper: Paper
-    claims: pl.DataFrame
-    advice: Sequence[Advice]
-    choice: Choice | None
-    figures: Sequence[tuple[Drawing, Picture]]
-
-    def pictures(
-        self, place: str, trajectory: str | None = None, parameter: str | None = None
-    ) -> list[Picture]:
-        """The figures of a place of the page, of a trajectory or a swept setting alone where one is named."""
-        return [
-            picture
-            for drawing, picture in self.figures
-            if drawing.place == place
-            and trajectory in (None, drawing.trajectory)
-            and parameter in (None, drawing.parameter)
-        ]
-
-
 def page_of(content: Content) -> Page:
-    """A campaign as a page."""
+    """A campaign as a page; its figures are drawn into `content.pictures`."""
     campaign, names = content.campaign, content.campaign.trajectories
-    beams = virtual_beams(campaign.sweep, names)
-    paths: list[Block] = [*content.pictures("overview")]
-    if campaign.paths is None:
-        paths.append("They are not drawn: the directory has no truth.parquet.")
     parts = [
         _summary(content),
-        Part("trajectories", "The trajectories", paths),
+        Part("trajectories", "The trajectories", [*paths(content)] or [_NO_TRUTH]),
         *(_trajectory(content, name, first=name == names[0]) for name in names),
-        *([_virtual_beam(content)] if beams else []),
-        *([_sweep(content, campaign.sweep, drawn_above=bool(beams))] if campaign.sweep is not None else []),
+        *([_sweep(content, campaign.sweep)] if campaign.sweep is not None else []),
         *([_claims(content)] if content.claims.height else []),
         _configuration(campaign),
         json_part("manifest", "Manifest", "manifest.json", campaign.manifest),
@@ -121,9 +91,10 @@ def page_of(content: Content) -> Page:
     )
     version = f"bottomlock {campaign.manifest['version']}"
     return Page(
-        "Aided navigation with the beams that return", [], parts, version,
+        _PAPER if content.claims.height else "Aided navigation with the beams that return",
+        [], parts, version,
         about=f"{runs}; {version}, configuration `{campaign.manifest['configuration_hash'][:12]}`",
-        headline=_headline(content.choice),
+        headline=_headline(content),
     )  # fmt: skip
 
 
@@ -140,10 +111,15 @@ def _share(part: float | None) -> str:
     return "–" if part is None or not math.isfinite(part) else f"{number(100.0 * part, 2)} %"
 
 
-def _headline(choice: Choice | None) -> list[str]:
-    if choice is None:
-        return ["No method of this campaign is consistent on every trajectory and in the published studies."]
-    return [f"Use {_code(choice.best, ' or ')}."]
+def _headline(content: Content) -> list[str]:
+    claims = content.claims
+    counts = [f"Of [{claims.height} claims](#claims) {_verdicts(claims)}."] if claims.height else []
+    if content.choice is None:
+        return [
+            *counts,
+            "No method of this campaign is consistent on every trajectory and in the published studies.",
+        ]
+    return [*counts, f"Use {_code(content.choice.best, ' or ')}."]
 
 
 def _why(choice: Choice, *, several: bool) -> str:
@@ -166,35 +142,29 @@ def _why(choice: Choice, *, several: bool) -> str:
 
 def _summary(content: Content) -> Part:
     """Which method to use, its first figures, the methods, and what each trajectory says."""
-    campaign, choice = content.campaign, content.choice
-    several = len(campaign.trajectories) > 1
-    blocks: list[Block] = []
-    if choice is not None:
-        blocks.append(_why(choice, several=several))
-        if "sway_current" in choice.best:
-            blocks.append(
-                "`sway_current` assumes a slender vehicle unless `vehicle` in `[filter.water]` names "
-                'another, as "hovering" (docs/hovering.md).'
-            )
-    blocks += content.pictures("first")
-    best = choice.best if choice is not None else ()
-    shown = [
-        method for name in campaign.trajectories for method in featured(campaign.methods(name), best[:1])
-    ]
-    first = list(dict.fromkeys([*shown, *best]))
-    known = (method for name in campaign.trajectories for method in campaign.methods(name))
+    campaign, choice, names = content.campaign, content.choice, content.campaign.trajectories
+    blocks: list[Block] = [] if choice is None else [_why(choice, several=len(names) > 1)]
+    if "sway_current" in content.best:
+        blocks.append(_SLENDER)
+    first = dict.fromkeys([*(method for name in names for method in content.shown(name)), *content.best])
     blocks += [
-        *glossaries(known, first),
+        *(errors_over_time(content, name, "velocity") for name in names),
         _advice_table(content.advice),
-        *(_not_recommended(content, part) for part in content.advice if _failing(part)),
+        *glossaries((method for name in names for method in campaign.methods(name)), first),
     ]
+    rows = [row for part in content.advice for row in _not_recommended(content, part)]
+    if rows:
+        columns = ["Trajectory", "Method", "Velocity, m/s", "Why it is not recommended"]
+        methods = ", ".join(dict.fromkeys(row[1] for row in rows))
+        blocks.append(
+            Folded(
+                f"Not recommended: {methods}",
+                [Table(columns, rows, "Velocity error at the end, RMS over runs.", left=2)],
+            )
+        )
     untested = untested_in_current(campaign)
     if untested:
         blocks.append(_STILL.format(_code(untested)))
-    if content.claims.height:
-        blocks.append(
-            f"Of [{content.claims.height} claims of the paper](#claims) {_verdicts(content.claims)}."
-        )
     anywhere = any(part.beams is None for part in content.advice)
     meant = _RECOMMENDED.format(
         "; with any beams where those of the campaign change or were not flown there" if anywhere else ""
@@ -226,55 +196,35 @@ def _advice_table(advice: Sequence[Advice]) -> Table:
     return Table(columns, rows, caption, left=2)
 
 
-def _failing(part: Advice) -> list[str]:
-    """Methods that are not recommended on a trajectory."""
-    return list(dict.fromkeys([*part.consistent_here_only, *part.overconfident, *part.mostly_rejected]))
-
-
-def _not_recommended(content: Content, part: Advice) -> Folded:
-    """The methods that are not recommended on a trajectory, and why."""
+def _not_recommended(content: Content, part: Advice) -> Iterator[list[str]]:
+    """A row for each method that is not recommended on a trajectory: its error, and why."""
     runs = content.campaign.manifest["scenarios"][part.trajectory]["runs"]
     in_current = swept_current(content.campaign.sweep, part.trajectory)
-    velocity, blocks = part.velocity_rms_mps, []
-    lines = []
-    for name, why in part.consistent_here_only.items():
-        line = f"`{name}` {number(velocity[name])} m/s: {why}"
-        if name in in_current:
+    for name in dict.fromkeys([*part.consistent_here_only, *part.overconfident, *part.mostly_rejected]):
+        why = [part.consistent_here_only[name]] if name in part.consistent_here_only else []
+        if why and name in in_current:
             speed, error, nees = in_current[name]
-            line += f"; {number(error)} m/s and NEES {number(nees)} in a current of {speed:g} m/s ([sweep](#sweep))"
-        lines.append(line)
-    if lines:
-        blocks += ["Consistent on this trajectory, but not recommended:", listed(lines)]
-    if part.overconfident:
-        errors = ", ".join(f"`{name}` {number(velocity[name])}" for name in part.overconfident)
-        blocks.append(f"Overconfident, and so not recommended at any error: {errors} m/s.")
-    if part.mostly_rejected:
-        counts = ", ".join(
-            f"`{name}` in {count} {'run' if count == 1 else 'runs'}"
-            for name, count in part.mostly_rejected.items()
-        )
-        blocks.append(f"The gate rejects more than half of the fixes of {counts} of {runs}.")
-    return Folded(f"Not recommended on {_words(part.trajectory)}: {', '.join(_failing(part))}", blocks)
+            why.append(
+                f"{number(error)} m/s and NEES {number(nees)} in a current of {speed:g} m/s ([sweep](#sweep))"
+            )
+        why += ["overconfident"] if name in part.overconfident else []
+        if name in part.mostly_rejected:
+            why.append(f"the gate rejects most fixes in {part.mostly_rejected[name]} of {runs} runs")
+        yield [title_of(part.trajectory), f"`{name}`", number(part.velocity_rms_mps[name]), "; ".join(why)]
 
 
 def _trajectory(content: Content, name: str, *, first: bool) -> Part:
     """One trajectory: error against claim, errors at the end, every method, consistency."""
     final = _final_rows(content.campaign, name)
-    again = (
-        "Right: the σ that the filter claims. Up: the error. In the grey half the filter is overconfident; along the "
-        f"diagonal it drifts and says so ([more](#on-{content.campaign.trajectories[0]}))."
-    )
-    every = content.pictures("every method", name)
-    chosen = any(drawing.name == f"choices_{name}" for drawing, _ in content.figures)
-    words = f"All {len(final)} methods on {_words(name)}: a panel each, error over σ by component"
     blocks: list[Block] = [
         "### Does the filter know how wrong it is?",
-        *content.pictures("calibration", name),
-        _FIRST_CALIBRATION if first else again,
-        *content.pictures("trajectory", name),
+        *consistency(content, name),
+        *([_CALIBRATION] if first else []),
         "### Errors at the end",
         _final_table(content.campaign, name, final),
-        Folded(f"{words}{', selections' if chosen else ''}", every),
+        Folded(
+            f"All {len(final)} methods on {_words(name)}, and error over σ", [*every_method(content, name)]
+        ),
         Folded("Consistency in numbers", [_consistency_table(content.campaign, name)]),
     ]
     return Part(f"on-{name}", title_of(name), blocks)
@@ -356,44 +306,16 @@ def _consistency_table(campaign: CampaignTables, name: str) -> Table:
     return Table(columns, cells, caption, left=3)
 
 
-def _virtual_beam(content: Content) -> Part:
-    """`vb` as the paper prints it, and with the factor of least velocity error."""
-    rows = []
-    for one in virtual_beams(content.campaign.sweep, content.campaign.trajectories):
-        pairs = [
-            [number(row[key]) if row is not None else "–" for key in _ERROR_AND_NEES]
-            for row in (one.printed, one.best, one.tc)
-        ]
-        rows.append([title_of(one.trajectory), *pairs[0], one.best["value"], *pairs[1], *pairs[2]])
-    columns = [
-        "Trajectory", "vb, n_f = 1: m/s", "NEES, n_f = 1", "Best n_f swept", "vb at it: m/s", "NEES at it", "tc: m/s",
-        "NEES of tc",
-    ]  # fmt: skip
-    caption = "Velocity error at the end, RMS over runs, and mean NEES of the whole state, in the runs of the sweep."
-    figures = content.pictures("sweep", parameter=VIRTUAL_BEAM_FACTOR)
-    return Part(
-        "virtual-beam",
-        "vb, as printed and at its best",
-        [_VIRTUAL_BEAM, *figures, Table(columns, rows, caption)],
-    )
-
-
-_ERROR_AND_NEES = ("velocity_rms_over_runs_mps", "nees_mean_over_runs_and_time")
-
-
-def _sweep(content: Content, sweep: pl.DataFrame, *, drawn_above: bool) -> Part:
+def _sweep(content: Content, sweep: pl.DataFrame) -> Part:
     """Every swept setting: its figures, and its rows."""
     blocks: list[Block] = [_SWEEP]
+    numbers = {one: k for k, one in enumerate(sweep["parameter"].unique(maintain_order=True), start=1)}
     for (parameter,), rows in sweep.sort("parameter", maintain_order=True).group_by(
         "parameter", maintain_order=True
     ):
-        blocks.append(f"### `{parameter}`")
-        above = drawn_above and parameter == VIRTUAL_BEAM_FACTOR
-        blocks += (
-            ["Drawn [above](#virtual-beam)."]
-            if above
-            else content.pictures("sweep", parameter=str(parameter))
-        )
+        blocks += [f"### `{parameter}`", *sweeps(content, numbers[parameter], str(parameter), rows)]
+        if parameter == VIRTUAL_BEAM_FACTOR:
+            blocks += [_VIRTUAL_BEAM, *_virtual_beam(content)]
         cells = [
             [
                 row["value"], _words(row["trajectory"]), f"`{row['method']}`",
@@ -409,6 +331,29 @@ def _sweep(content: Content, sweep: pl.DataFrame, *, drawn_above: bool) -> Part:
             Folded(f"{rows.height} rows in numbers", [Table(columns, cells, caption, left=3)], printed=False)
         )
     return Part("sweep", "Sweep", blocks)
+
+
+def _virtual_beam(content: Content) -> Iterator[Table]:
+    """`vb` as the paper prints it and with the factor of least velocity error, beside `tc`."""
+    rows = []
+    for name in content.campaign.trajectories:
+        known = virtual_beam(content.campaign.sweep, name)
+        if known:
+            printed, best, tc = (
+                [number(known[key][of]) if key in known else "–" for of in _ERROR_AND_NEES]
+                for key in ("printed", "best", "tc")
+            )
+            rows.append([title_of(name), *printed, known["best"]["value"], *best, *tc])
+    columns = [
+        "Trajectory", "vb, n_f = 1: m/s", "NEES, n_f = 1", "Best n_f swept", "vb at it: m/s", "NEES at it", "tc: m/s",
+        "NEES of tc",
+    ]  # fmt: skip
+    caption = "Velocity error at the end, RMS over runs, and mean NEES of the whole state, in the runs of the sweep."
+    if rows:
+        yield Table(columns, rows, caption)
+
+
+_ERROR_AND_NEES = ("velocity_rms_over_runs_mps", "nees_mean_over_runs_and_time")
 
 
 def _verdicts(claims: pl.DataFrame) -> str:

@@ -5,20 +5,16 @@ from pathlib import Path
 
 import polars as pl
 
-from bottomlock.figures.images import images_of
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.page import Picture, html
+from bottomlock.pages.page import html
 from bottomlock.paper.claims import load_paper
 from bottomlock.paper.verdicts import claims_table, flown
 from bottomlock.report.advice import advise, choose
-from bottomlock.report.drawings import drawings
-from bottomlock.report.layout import Content, page_of
+from bottomlock.report.drawings import Content
+from bottomlock.report.layout import page_of
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.tables.results import read_campaign_tables
-
-KINDS = {"first": "third", "overview": "wide", "sweep": "third"}
-"""Width of a figure by its place on the page; half of it for the others."""
 
 
 @dataclass(frozen=True)
@@ -59,20 +55,9 @@ def make_report(folder: str | Path, *, force: bool = False) -> Report:
     theirs = flown(campaign, paper)
     claims = claims_table(campaign, errors, paper).filter(pl.col("trajectory").is_in(theirs))
     advice = advise(campaign, errors)
-    choice = choose(advice)
-    recommended = (
-        [] if choice is None else sorted(choice.recommended, key=lambda method: method not in choice.best)
-    )
-    files: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
-    figures = []
-    for drawing in drawings(campaign, errors, paper, recommended):
-        image = images_of(drawing.figure)
-        own = image.files(f"figures/{drawing.name}")
-        files |= own
-        kind = KINDS.get(drawing.place, "")
-        picture = Picture.of_svg(image.svg, drawing.name, drawing.caption, kind=kind, files=list(own))
-        figures.append((drawing, picture))
+    content = Content(campaign, errors, paper, theirs, claims, advice, choose(advice))
     page = folder / "report.html"
-    laid_out = page_of(Content(campaign, paper, claims, advice, choice, figures))
-    result.write(files | {page.name: html(laid_out)}, force=force)
-    return Report(page, len(figures), claims)
+    text = html(page_of(content))
+    tables: Files = {"tables/claims.parquet": parquet_bytes(claims)} if theirs else {}
+    result.write(tables | content.pictures.files | {page.name: text}, force=force)
+    return Report(page, len(content.pictures.files) // 2, claims)

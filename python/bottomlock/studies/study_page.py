@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
-from bottomlock.figures.by_category import category_figure
+from bottomlock.figures.curves import WIDE, comparison_figure, places_of
 from bottomlock.kernel import RECOMMENDED_METHOD
-from bottomlock.pages.page import Block, Page, Part, Picture, Table, folded, listed
+from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, folded, listed
 from bottomlock.pages.pieces import featured, plain
 from bottomlock.statistics.chi_squared import (
     CONSERVATIVE,
@@ -62,20 +61,25 @@ def summary_table(table: pl.DataFrame) -> Table:
     return Table(columns, rows)
 
 
-def page(table: pl.DataFrame, run: Sequence[str], made_with: str) -> Page:
+def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pictures) -> Page:
     """The page of a study.
 
     Args:
         table: `tables.studies.STUDY`.
         run: what was run, a line each.
         made_with: names and versions.
+        pictures: to which its figures are added.
     """
     return Page(
         "Methods by the beams that return",
         [],
         [
             Part("methods", "Methods", [summary_table(table), _judged(table)]),
-            Part("velocity", "Velocity error at the end, m/s RMS", [*_pictures(table), *_tables(table)]),
+            Part(
+                "velocity",
+                "Velocity error at the end, m/s RMS",
+                [*_pictures(table, pictures), *_tables(table)],
+            ),
             Part("run", "What was run", [listed(run)]),
         ],
         made_with,
@@ -110,26 +114,16 @@ def _tables(table: pl.DataFrame) -> Iterator[Block]:
         yield folded(Table([str(trajectory), *(f"`{method}`" for method in methods)], shown))
 
 
-def _pictures(table: pl.DataFrame) -> Iterator[Picture]:
+def _pictures(table: pl.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     """Some methods on each trajectory; the tables have all."""
     for (trajectory,), rows in _place(table).group_by("trajectory", maintain_order=True):
         heading = str(trajectory).replace("_", " ").capitalize()
         caption = f"{heading}: velocity error at the end by what returns, RMS over runs; bars: 95 % interval."
-        yield Picture.of(figure(rows), f"study_{trajectory}", caption)
+        yield pictures.add(figure(rows), f"study_{trajectory}", caption)
 
 
 def figure(rows: pl.DataFrame) -> Figure:
     """Velocity error of some methods in every place of a trajectory, with 95 % intervals."""
-    places = rows["place"].unique(maintain_order=True).to_list()
-    curves, intervals = {}, {}
-    for method in featured(rows["method"].unique(maintain_order=True).to_list(), [RECOMMENDED_METHOD]):
-        part = pl.DataFrame({"place": places}).join(
-            rows.filter(pl.col("method") == method), on="place", how="left", maintain_order="left"
-        )
-        middle, low, high = (
-            part[f"velocity_rms_over_runs{end}_mps"].fill_null(np.nan).to_numpy()
-            for end in ("", "_lo", "_hi")
-        )
-        curves[method], intervals[method] = middle, (low, high)
-    names = ["configured" if place == AS_CONFIGURED else place for place in places]
-    return category_figure(curves, names, "velocity error, m/s RMS", intervals=intervals)
+    methods = featured(rows["method"].unique(maintain_order=True).to_list(), [RECOMMENDED_METHOD])
+    named = rows.with_columns(pl.col("place").replace(AS_CONFIGURED, "configured"))
+    return comparison_figure(places_of(named, methods, "velocity error, m/s RMS"), WIDE)

@@ -522,7 +522,7 @@
     element("div", { class: "bar" }, ...choices,
       element("span", { class: "tools" }, button("Time +", "Zoom into the time", () => zoom(0.5)), button("Time −", "Zoom out", () => zoom(2)), button("Whole time", "All there is", () => setRange(...state.all)))),
     element("div", { class: "now" }, bar.time, bar.place, bar.range),
-    mapped ? element("div", { class: "both" }, element("div", { class: "beside" }, map.box), column) : column);
+    element("div", { class: "both" }, ...(mapped ? [element("div", { class: "beside" }, map.box)] : []), column));
 
   function extent() {
     const ends = state.view.panels.flatMap(panel => panel.curves.filter(one => one.t.length).flatMap(one => [one.t[0], one.t[one.t.length - 1]]));
