@@ -149,10 +149,11 @@ def test_every_method_is_drawn_once_more(drawn: dict[str, Figure], campaign: Cam
     assert set(map(tuple, points(axes).tolist())) == known
     (axes,) = drawn["normalised_straight"].axes
     errors = read_run_errors(campaign, "straight").normalised_rms
-    shown = [
-        float(y) for line in axes.lines for y in np.asarray(line.get_ydata()) if len(line.get_xdata()) == 9
-    ]
-    assert sorted(shown) == sorted(np.concatenate([errors[method] for method in [*METHODS, "elc"]]).tolist())
+    rows = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+    shown = np.concatenate([row for row in rows if len(row) == 9])
+    assert sorted(shown.tolist()) == sorted(
+        np.concatenate([errors[method] for method in [*METHODS, "elc"]]).tolist()
+    )
 
 
 def test_selections_are_stacked_shares_of_the_choices(drawn: dict[str, Figure]) -> None:
