@@ -1,4 +1,4 @@
-"""Random calls of the kernel; a case is made again, and printed, by `run_case(SEED, case, Trial(print))`."""
+"""Random calls of the kernel; a case is made again by `run_case(SEED, case, Trial())`."""
 
 from collections import Counter
 

@@ -19,14 +19,14 @@ class Trial:
     Attributes:
         calls: number of calls by function.
         accepted: number of those that returned.
-        faults: one line each; the first words, up to the bar, are the kind.
+        faults: one line each, with what was spoilt; the first words, up to the bar, are the kind.
     """
 
-    def __init__(self, tell: Callable[[str], None] | None = None) -> None:
+    def __init__(self) -> None:
         self.calls: Counter[str] = Counter()
         self.accepted: Counter[str] = Counter()
         self.faults: list[str] = []
-        self._tell = tell
+        self._changed: tuple[tuple[str, Any], ...] = ()
 
     def call(
         self, name: str, function: Callable[..., Any], arguments: Arguments, *, valid: bool = False
@@ -36,15 +36,12 @@ class Trial:
         A `valid` call may not be refused.
         """
         self.calls[name] += 1
-        if self._tell is not None:
-            self._tell(told(name, arguments))
+        self._changed = arguments.changed
         try:
             result = function(**arguments.values)
         except ALLOWED as error:
             if isinstance(error, BottomlockError):
                 self._judge_words(name, str(error))
-            if self._tell is not None:
-                self._tell(f"  {type(error).__name__}: {error}")
             if valid:
                 self.fault(name, f"refused valid arguments: {error}")
             return None
@@ -69,10 +66,9 @@ class Trial:
 
     def fault(self, name: str, words: str) -> None:
         """Keeps a fault, in one line."""
-        line = f"{name} | {' '.join(words.split())[:400]}"
-        self.faults.append(line)
-        if self._tell is not None:
-            self._tell(f"  FAULT {line}")
+        with np.printoptions(threshold=40):
+            spoilt = [f"{place}={value!r}" for place, value in self._changed]
+        self.faults.append(f"{name} | {' '.join(words.split())[:400]} | {spoilt}")
 
     def finite(self, name: str, values: Mapping[str, Any], *, may_lack: tuple[str, ...] = ()) -> None:
         """Every number of a result is finite but those of the keys in `may_lack`."""
@@ -100,21 +96,3 @@ class Trial:
 def same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
     """Two dicts of numbers agree bit for bit."""
     return all(np.array_equal(first[key], second[key], equal_nan=True) for key in first)
-
-
-def told(name: str, arguments: Arguments) -> str:
-    """A call in words: its arguments, or, where they are long, those that are spoilt."""
-    words = ", ".join(f"{key}={shown(value)}" for key, value in arguments.values.items())
-    if len(words) > 1000:
-        words = "valid but for " + ", ".join(f"{place}={shown(value)}" for place, value in arguments.changed)
-    return f"{name}({words})"
-
-
-def shown(value: Any, longest: int = 2000) -> str:  # noqa: ANN401 - any argument
-    """An argument as it is printed for reproduction."""
-    try:
-        with np.printoptions(threshold=40):
-            words = repr(value)
-    except Exception:  # noqa: BLE001 - a value of the grammar need not be printable
-        words = f"<{type(value).__name__}>"
-    return words if len(words) <= longest else words[:longest] + " …"

@@ -16,7 +16,11 @@ from bottomlock.tables.studies import STUDY
 from tools import evidence
 
 TABLES = {path.stem: evidence.read(path) for path in sorted(evidence.DATA.glob("*.parquet"))}
-STUDIES = [name for name, (table, _) in TABLES.items() if set(STUDY) <= set(table.columns)]
+STUDIES = sorted(
+    (name for name, (table, _) in TABLES.items() if set(STUDY) <= set(table.columns)),
+    key=lambda name: int(TABLES[name][0]["runs"][0]),
+)
+"""The one of the fewest runs first."""
 METHODS = ("tc", "sway_current")
 
 

@@ -41,7 +41,9 @@ def schedule(lost: tuple[int, ...] = ()) -> Any:  # noqa: ANN401
     """Every aid at each second."""
     times = settings.schedule(SECONDS, lost=lost)
     epochs = times["dvl_time_ns"]
-    return times | {"depth_time_ns": epochs, "magnetometer_time_ns": epochs, "gps_time_ns": epochs}
+    return times | dict.fromkeys(
+        (f"{name}_time_ns" for name in ("depth", "heading", "magnetometer", "gps")), epochs
+    )
 
 
 def draw(run: int, lost: tuple[int, ...] = ()) -> dict[str, Any]:
@@ -123,6 +125,8 @@ def test_depth_magnetometer_and_gps() -> None:
     chi_squared_fits(s["depth_m"] - t["position_t_m"][every, 2], MODEL["depth"]["sd_m"])
     position = s["gps_position_t_m"] - t["position_t_m"][every]
     rotation = np.array([matrix_from_quaternion(q) for q in t["attitude_t_p"][every]])
+    off = s["heading_rad"] - np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    chi_squared_fits(np.angle(np.exp(1j * off)), MODEL["heading"]["sd_rad"])
     velocity_t = np.einsum("tij,tj->ti", rotation, t["velocity_p_mps"][every])
     velocity = s["gps_velocity_t_mps"] - velocity_t
     for axis in range(3):
