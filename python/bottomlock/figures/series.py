@@ -38,6 +38,14 @@ class Curve:
     kind: Literal["line", "dots", "held"] = "line"
     width: float = 1.4
 
+    def rows(self, parts: int) -> "Rows":
+        """Rows that show the curve in so many parts of the time: all of one that is held; see `thinned_rows`."""
+        if self.kind == "held":
+            return np.arange(len(self.time_ns))
+        if self.kind == "dots":
+            return scattered_rows(self.time_ns, self.value, parts)
+        return thinned_rows(self.time_ns, [self.value, *([] if self.sd is None else [self.sd])], parts)
+
 
 @dataclass(frozen=True, eq=False)
 class Panel:

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from bottomlock.figures.curves import log_ticks
 from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, new_figure
-from bottomlock.figures.series import Curve, Floats, Panel, Times, scattered_rows, thinned_rows
+from bottomlock.figures.series import Curve, Floats, Panel, Times
 
 HEIGHT_IN, COMPARED_IN = 1.05, 2.3
 """Of a panel, and of one that compares methods."""
@@ -116,7 +116,7 @@ def _panel(axes: Axes, panel: Panel, start_ns: int, *, utc: bool) -> list[Line]:
     named = [curve for curve in panel.curves if panel.compared and curve.label]
     for curve in panel.curves:
         if curve not in named:
-            shown = curve if curve.kind == "held" else _thinned(curve)
+            shown = _thinned(curve)
             _draw(axes, shown, _shown(shown.time_ns, start_ns, utc=utc))
     lines = _compared(axes, named, start_ns, utc=utc)
     if panel.log:
@@ -170,10 +170,7 @@ def _within(period: float, value: float, _: int) -> str:
 
 def _thinned(curve: Curve) -> Curve:
     """The curve without what no eye can tell apart, and with its extremes."""
-    if curve.kind == "dots":
-        rows = scattered_rows(curve.time_ns, curve.value, PARTS)
-    else:
-        rows = thinned_rows(curve.time_ns, [curve.value], PARTS)
+    rows = curve.rows(PARTS)
     sd = None if curve.sd is None else curve.sd[rows]
     return replace(curve, time_ns=curve.time_ns[rows], value=curve.value[rows], sd=sd)
 

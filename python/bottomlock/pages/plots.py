@@ -5,7 +5,7 @@ import hashlib
 import json
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,10 @@ import numpy as np
 from bottomlock.figures.series import (
     Curve,
     Floats,
-    Frame,
     Rows,
     Times,
     Track,
     View,
-    scattered_rows,
     thinned_rows,
 )
 
@@ -114,6 +112,7 @@ def _json(plots: Plots) -> str:
 
 
 def _view(view: View, pool: "_Pool", buckets: int) -> dict[str, Any]:
+    frame = () if view.frame is None else astuple(view.frame)
     return {
         "panels": [
             {
@@ -128,24 +127,13 @@ def _view(view: View, pool: "_Pool", buckets: int) -> dict[str, Any]:
             for panel in view.panels
         ],
         "tracks": [_track(track, pool, buckets) for track in view.tracks],
-        "frame": _frame(view.frame),
+        "frame": [round(edge, 3) for edge in frame],
     }
-
-
-def _frame(frame: Frame | None) -> list[float]:
-    if frame is None:
-        return []
-    return [round(one, 3) for one in (frame.south_m, frame.north_m, frame.west_m, frame.east_m)]
 
 
 def _curve(curve: Curve, decimals: int, pool: "_Pool", buckets: int) -> dict[str, Any]:
     step = 10.0 ** -(decimals + 1)
-    if curve.kind == "held":
-        rows = np.arange(len(curve.time_ns))
-    elif curve.kind == "dots":
-        rows = scattered_rows(curve.time_ns, curve.value, buckets)
-    else:
-        rows = thinned_rows(curve.time_ns, [curve.value, *([] if curve.sd is None else [curve.sd])], buckets)
+    rows = curve.rows(buckets)
     return {
         "label": curve.label,
         "colour": curve.colour,

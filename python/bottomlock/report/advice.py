@@ -5,8 +5,8 @@ has the least error; whether it holds elsewhere is read off the published studie
 `python -m tools.evidence --publish` writes the packaged table; its metadata name commits and commands.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any
 
@@ -48,11 +48,6 @@ class Standing:
     consistent: int
     overconfident: int
     overconfident_core: int
-
-    def count_overconfident(self, where: str) -> str:
-        """The overconfident cells in words, with what cells they are."""
-        count = f"overconfident in {self.overconfident} of {self.cells}{where}"
-        return f"{count} (velocity and attitude: {self.overconfident_core})"
 
 
 def load_published() -> pl.DataFrame:
@@ -101,13 +96,6 @@ def standing(published: pl.DataFrame, method: str) -> Standing:
         (pl.col("verdict_velocity_attitude") == OVERCONFIDENT).sum().alias("overconfident_core"),
     ).row(0, named=True)
     return Standing(chosen.height, **counts)
-
-
-def standings(published: pl.DataFrame, methods: Iterable[str], beams: str | None) -> dict[str, Standing]:
-    """The counts of those methods that the studies have flown, under one set of beams or all for None."""
-    here = published if beams is None else published.filter(pl.col("beams") == beams)
-    known = set(here["method"].unique().to_list())
-    return {method: standing(here, method) for method in methods if method in known}
 
 
 REFERENCES = {"ins": "no beams", "lc": "all beams, none lost"}
@@ -192,22 +180,12 @@ def advise(
         published: `tables.studies.PUBLISHED`; the packaged one by default.
     """
     published = load_published() if published is None else published
-    verdicts = {name: _judge(campaign, name, errors[name]) for name in campaign.trajectories}
-    return [_advise_on(campaign, name, verdicts, published) for name in campaign.trajectories]
+    judged = [_judge(campaign, name, errors[name]) for name in campaign.trajectories]
+    return [_with_recommended(campaign, one, judged, published) for one in judged]
 
 
-@dataclass(frozen=True)
-class _Verdicts:
-    """One trajectory of the campaign by itself; methods without references, the smallest error first."""
-
-    velocity_rms_mps: Mapping[str, float]
-    attitude_rms_deg: Mapping[str, float]
-    consistent: tuple[str, ...]
-    overconfident: tuple[str, ...]
-    mostly_rejected: Mapping[str, int]
-
-
-def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> _Verdicts:
+def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> Advice:
+    """One trajectory of the campaign by itself, on which nothing is recommended yet."""
     table = campaign.consistency.filter(
         (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
     )
@@ -219,55 +197,51 @@ def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> _Verdicts:
     # What has no verdict is no filter.
     filters = (method for method in velocity if method not in REFERENCES and verdict[method] is not None)
     methods = sorted(filters, key=velocity.__getitem__)
-    rejected = {}
-    for method in methods:
-        here = (pl.col("trajectory") == name) & (pl.col("method") == method)
-        if count := runs_mostly_rejected(campaign.runs.filter(here)):
-            rejected[method] = count
+    counts = {
+        method: runs_mostly_rejected(campaign.runs.filter(trajectory=name, method=method))
+        for method in methods
+    }
+    rejected = {method: count for method, count in counts.items() if count}
     overconfident = tuple(method for method in methods if verdict[method] == OVERCONFIDENT)
     consistent = tuple(m for m in methods if m not in overconfident and m not in rejected)
-    return _Verdicts(velocity, attitude, consistent, overconfident, rejected)
+    return Advice(name, velocity, attitude, consistent, (), {}, None, overconfident, rejected)
 
 
-def _advise_on(
-    campaign: CampaignTables, name: str, verdicts: Mapping[str, _Verdicts], published: pl.DataFrame
+def _with_recommended(
+    campaign: CampaignTables, own: Advice, judged: Sequence[Advice], published: pl.DataFrame
 ) -> Advice:
-    own = verdicts[name]
-    beams = returning_beams(campaign.configuration(name))
-    if beams not in set(published["beams"]):
-        beams = None
-    moves = _current_mps(campaign, name) > 0.0 or not set(IN_CURRENT).isdisjoint(published["world"])
-    known = standings(published, own.consistent, beams)
+    """With what is recommended, or why not, by the other trajectories and the published studies."""
+    beams = returning_beams(campaign.configuration(own.trajectory))
+    here = published.filter(pl.col("beams") == beams)
+    if here.is_empty():
+        beams, here = None, published
+    moves = _current_mps(campaign, own.trajectory) > 0.0
+    moves |= not set(IN_CURRENT).isdisjoint(published["world"])
+    known = {method: standing(here, method) for method in own.consistent if method in set(here["method"])}
     doubts = {
-        method: _failed(method, verdicts) or _doubt(method, known.get(method), beams, water_moves=moves)
+        method: _failed(method, judged) or _doubt(method, known.get(method), beams, water_moves=moves)
         for method in own.consistent
     }
-    return Advice(
-        trajectory=name,
-        velocity_rms_mps=own.velocity_rms_mps,
-        attitude_rms_deg=own.attitude_rms_deg,
-        consistent=own.consistent,
-        recommended=tuple(method for method in own.consistent if not doubts[method]),
+    return replace(
+        own,
+        recommended=tuple(method for method, words in doubts.items() if not words),
         consistent_here_only={method: words for method, words in doubts.items() if words},
         beams=beams,
-        overconfident=own.overconfident,
-        mostly_rejected=own.mostly_rejected,
     )
 
 
-def _failed(method: str, verdicts: Mapping[str, _Verdicts]) -> str:
+def _failed(method: str, judged: Sequence[Advice]) -> str:
     """Where in the campaign a method is overconfident or rejects most fixes; empty where nowhere.
 
     The filter does not know which trajectory it is on: what fails on one is recommended on none.
     """
-    parts = []
-    for words, methods in (
-        ("overconfident", {name: one.overconfident for name, one in verdicts.items()}),
-        ("most fixes rejected", {name: tuple(one.mostly_rejected) for name, one in verdicts.items()}),
-    ):
-        where = [name.replace("_", " ") for name, found in methods.items() if method in found]
-        parts += [f"{words} on {', '.join(where)}"] if where else []
-    return "; ".join(parts)
+    over = [one.trajectory for one in judged if method in one.overconfident]
+    rejected = [one.trajectory for one in judged if method in one.mostly_rejected]
+    return "; ".join(
+        f"{words} on {', '.join(names).replace('_', ' ')}"
+        for words, names in (("overconfident", over), ("most fixes rejected", rejected))
+        if names
+    )
 
 
 def _doubt(method: str, known: Standing | None, beams: str | None, *, water_moves: bool) -> str:
@@ -275,7 +249,11 @@ def _doubt(method: str, known: Standing | None, beams: str | None, *, water_move
     if known is None:
         return "in no published study"
     if known.overconfident:
-        return known.count_overconfident(f" published cells{f' with beams {beams}' if beams else ''}")
+        where = f" with beams {beams}" if beams else ""
+        return (
+            f"overconfident in {known.overconfident} of {known.cells} published cells{where} "
+            f"(velocity and attitude: {known.overconfident_core})"
+        )
     if method in ZERO_SWAY and not water_moves:
         return "assumes no sway over ground, which neither this campaign nor a published study tests in a current"
     return ""

@@ -17,7 +17,7 @@ from bottomlock.figures.curves import (
     sweep_of,
 )
 from bottomlock.figures.paths import path_figure
-from bottomlock.figures.selector import choices_figure, shares_table
+from bottomlock.figures.selector import choices_figure
 from bottomlock.pages.page import Picture, Pictures
 from bottomlock.pages.pieces import featured, title_of
 from bottomlock.paper.claims import Paper, ValueClaim
@@ -120,10 +120,10 @@ def every_method(content: Content, name: str) -> Iterator[Picture]:
     caption = "Error over claimed standard deviation, RMS over runs and times, for the nine components."
     figure = comparison_figure(normalised_of(normalised), WIDE)
     yield content.pictures.add(figure, f"normalised_{name}", caption, "")
-    shares = None if campaign.choices is None else shares_table(campaign.choices, name)
-    if shares is not None and shares.height:
+    choices = None if campaign.choices is None else campaign.choices.filter(trajectory=name)
+    if choices is not None and choices.height:
         caption = "What the selectors choose: share of the runs at each ping."
-        yield content.pictures.add(choices_figure(shares), f"choices_{name}", caption, "")
+        yield content.pictures.add(choices_figure(choices), f"choices_{name}", caption, "")
 
 
 def sweeps(content: Content, number: int, parameter: str, rows: pl.DataFrame) -> Iterator[Picture]:

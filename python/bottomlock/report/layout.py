@@ -1,6 +1,5 @@
 """A campaign laid out: which method to use, each trajectory, virtual beam, sweep, the paper's claims, settings."""
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -22,6 +21,7 @@ from bottomlock.report.drawings import (
     virtual_beam,
 )
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
+from bottomlock.statistics.compare import flat_settings
 from bottomlock.tables.results import CampaignTables
 from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR
 
@@ -58,6 +58,11 @@ _FINAL = (
     "RMS over runs at the last second, with 95 % bootstrap intervals. NEES: mean over runs and time; the verdict is "
     "about the one of the six states of velocity and attitude. NIS: mean over fixes. Rejected: fraction of the fixes "
     "that the gate rejects, and the runs in which it rejects more than half."
+)
+_CONSISTENCY = (
+    "Mean NEES over runs and time, and the least and the greatest mean over runs at {} times, on which the verdict is: "
+    "above the band at any of them is overconfident. Expected: of a consistent filter in {} runs; the bands of the "
+    "whole campaign have a false-alarm rate of 1 %."
 )
 _STILL = (
     "The water of this campaign is still, so it does not test the assumption of {} that the sway over ground is "
@@ -122,28 +127,19 @@ def _headline(content: Content) -> list[str]:
     return [*counts, f"Use {_code(content.choice.best, ' or ')}."]
 
 
-def _why(choice: Choice, *, several: bool) -> str:
+def _why(choice: Choice) -> str:
     """Why the methods of the headline are to be used."""
-    count = len(choice.recommended)
-    which = f"Of the {count} methods that are" if count > 1 else "The only method that is"
-    where = "every trajectory" if several else "this trajectory"
-    words = f"{which} consistent on {where} and in the published studies"
-    if count == 1:
-        return f"{words}."
-    these = "these have" if len(choice.best) > 1 else "this one has"
-    if choice.worst_ratio < 1.005:
-        return f"{words}, {these} the least velocity error everywhere."
-    these = "these are" if len(choice.best) > 1 else "this one is"
     return (
-        f"{words}, {these} nowhere far from the best: at most {number(choice.worst_ratio)} times the least velocity "
-        f"error ({_words(choice.worst_trajectory)})."
+        f"Consistent on every trajectory and in the published studies: {_code(choice.recommended)}. The velocity error "
+        f"of {_code(choice.best)} is nowhere more than {number(choice.worst_ratio)} times the least of these "
+        f"({_words(choice.worst_trajectory)})."
     )
 
 
 def _summary(content: Content) -> Part:
     """Which method to use, its first figures, the methods, and what each trajectory says."""
     campaign, choice, names = content.campaign, content.choice, content.campaign.trajectories
-    blocks: list[Block] = [] if choice is None else [_why(choice, several=len(names) > 1)]
+    blocks: list[Block] = [] if choice is None else [_why(choice)]
     if "sway_current" in content.best:
         blocks.append(_SLENDER)
     first = dict.fromkeys([*(method for name in names for method in content.shown(name)), *content.best])
@@ -154,12 +150,12 @@ def _summary(content: Content) -> Part:
     ]
     rows = [row for part in content.advice for row in _not_recommended(content, part)]
     if rows:
-        columns = ["Trajectory", "Method", "Velocity, m/s", "Why it is not recommended"]
+        columns = ["Trajectory", "Method", "Why it is not recommended", "Velocity, m/s"]
         methods = ", ".join(dict.fromkeys(row[1] for row in rows))
         blocks.append(
             Folded(
                 f"Not recommended: {methods}",
-                [Table(columns, rows, "Velocity error at the end, RMS over runs.", left=2)],
+                [Table(columns, rows, "Velocity error at the end, RMS over runs.", left=3)],
             )
         )
     untested = untested_in_current(campaign)
@@ -169,8 +165,7 @@ def _summary(content: Content) -> Part:
     meant = _RECOMMENDED.format(
         "; with any beams where those of the campaign change or were not flown there" if anywhere else ""
     )
-    recommended = [] if choice is None else [f"Recommended here: {_code(choice.recommended)}."]
-    blocks.append(Folded("What “recommended” means", [*recommended, meant]))
+    blocks.append(Folded("What “recommended” means", [meant]))
     return Part("summary", "Which method to use", blocks)
 
 
@@ -210,56 +205,46 @@ def _not_recommended(content: Content, part: Advice) -> Iterator[list[str]]:
         why += ["overconfident"] if name in part.overconfident else []
         if name in part.mostly_rejected:
             why.append(f"the gate rejects most fixes in {part.mostly_rejected[name]} of {runs} runs")
-        yield [title_of(part.trajectory), f"`{name}`", number(part.velocity_rms_mps[name]), "; ".join(why)]
+        yield [title_of(part.trajectory), f"`{name}`", "; ".join(why), number(part.velocity_rms_mps[name])]
 
 
 def _trajectory(content: Content, name: str, *, first: bool) -> Part:
     """One trajectory: error against claim, errors at the end, every method, consistency."""
-    final = _final_rows(content.campaign, name)
+    count = len(content.campaign.methods(name))
     blocks: list[Block] = [
         "### Does the filter know how wrong it is?",
         *consistency(content, name),
         *([_CALIBRATION] if first else []),
         "### Errors at the end",
-        _final_table(content.campaign, name, final),
-        Folded(
-            f"All {len(final)} methods on {_words(name)}, and error over σ", [*every_method(content, name)]
-        ),
+        _final_table(content.campaign, name),
+        Folded(f"All {count} methods on {_words(name)}, and error over σ", [*every_method(content, name)]),
         Folded("Consistency in numbers", [_consistency_table(content.campaign, name)]),
     ]
     return Part(f"on-{name}", title_of(name), blocks)
 
 
-def _final_rows(campaign: CampaignTables, name: str) -> list[dict[str, Any]]:
+def _final_table(campaign: CampaignTables, name: str) -> Table:
     """A row per method: errors at the end with intervals, NEES, gate, verdict."""
-    table = summary_table(campaign.ensemble, campaign.runs).filter(pl.col("trajectory") == name)
-    verdicts = campaign.consistency.filter(
-        (pl.col("trajectory") == name) & (pl.col("quantity") == "nees_velocity_attitude")
-    ).select("method", "verdict", pl.col("mean").alias("nees_velocity_attitude"))
-    return table.join(verdicts, on="method", how="left", maintain_order="left").to_dicts()
-
-
-def _final_table(campaign: CampaignTables, name: str, rows: Iterable[Mapping[str, Any]]) -> Table:
-    runs = campaign.runs.filter(pl.col("trajectory") == name)
+    runs = campaign.runs.filter(trajectory=name)
+    six = campaign.consistency.filter(trajectory=name, quantity="nees_velocity_attitude")
+    rows = summary_table(campaign.ensemble, campaign.runs).filter(trajectory=name)
     cells = []
-    for row in rows:
-        mostly = runs_mostly_rejected(runs.filter(pl.col("method") == row["method"]))
+    for row in rows.join(six, on="method", how="left", maintain_order="left").iter_rows(named=True):
+        mostly = runs_mostly_rejected(runs.filter(method=row["method"]))
         rejected = f"<br>most in {mostly} {'run' if mostly == 1 else 'runs'}" if mostly else ""
+        intervals = (
+            interval(*(row[f"{quantity}_rms_over_runs{end}_{unit}"] for end in ("", "_lo", "_hi")), number)
+            for quantity, unit in (("velocity", "mps"), ("attitude", "deg"))
+        )
+        numbers = (
+            "position_rms_over_runs_m", "mean", "nees_mean_over_runs_and_time", "nis_mean_over_runs_and_fixes"
+        )  # fmt: skip
         cells.append(
             [
-                f"`{row['method']}`",
-                row["verdict"] or "–",
-                *(
-                    _interval(row, quantity, unit)
-                    for quantity, unit in (("velocity", "mps"), ("attitude", "deg"))
-                ),
-                number(row["position_rms_over_runs_m"]),
-                number(row["nees_velocity_attitude"]),
-                number(row["nees_mean_over_runs_and_time"]),
-                number(row["nis_mean_over_runs_and_fixes"]),
+                f"`{row['method']}`", row["verdict"] or "–", *intervals, *(number(row[key]) for key in numbers),
                 f"{_share(row['rejected_fraction'])}{rejected}",
             ]
-        )
+        )  # fmt: skip
     states = campaign.manifest.get("nees_degrees", {}).get(name, "all")
     columns = [
         "Method", "Verdict", "Velocity, m/s", "Attitude, °", "Position, m", "NEES, 6 states", f"NEES, {states} states",
@@ -268,42 +253,20 @@ def _final_table(campaign: CampaignTables, name: str, rows: Iterable[Mapping[str
     return Table(columns, cells, _FINAL, left=2)
 
 
-def _interval(row: Mapping[str, Any], quantity: str, unit: str) -> str:
-    value, low, high = (row[f"{quantity}_rms_over_runs{end}_{unit}"] for end in ("", "_lo", "_hi"))
-    return interval(value, low, high, number)
-
-
 def _consistency_table(campaign: CampaignTables, name: str) -> Table:
-    """A row per method: both kinds of NEES with their verdicts."""
-    rows: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for row in campaign.consistency.filter(pl.col("trajectory") == name).iter_rows(named=True):
-        rows.setdefault(row["method"], {})[row["quantity"]] = row
-    kinds = ("nees_velocity_attitude", "nees")
+    """A row per method and kind of NEES, with the verdict."""
+    rows = campaign.consistency.filter(trajectory=name).sort("quantity", maintain_order=True)
+    kinds = {"nees": "whole state", "nees_velocity_attitude": "velocity, attitude"}
     cells = [
         [
-            f"`{method}`",
-            *(of[kind]["verdict"] or "–" for kind in kinds),
-            *(number(of[kind][which]) for kind in kinds for which in ("mean", "least", "greatest")),
+            f"`{row['method']}`", kinds[row["quantity"]], row["verdict"] or "–",
+            *(number(row[which]) for which in ("mean", "least", "greatest")),
+            f"{row['degrees']} ({number(row['band_lo'])} … {number(row['band_hi'])})",
         ]
-        for method, of in rows.items()
-    ]
-    columns = [
-        "Method", "Velocity, attitude", "Whole state",
-        "NEES, velocity, attitude", "Least", "Greatest", "NEES, whole state", "Least", "Greatest",
+        for row in rows.iter_rows(named=True)
     ]  # fmt: skip
-    some = next(iter(rows.values()))
-    bands = [
-        f"{some[kind]['degrees']} ({number(some[kind]['band_lo'])} … {number(some[kind]['band_hi'])})"
-        for kind in kinds
-    ]
-    caption = (
-        "Mean NEES over runs and time, and the least and the greatest mean over runs at "
-        f"{some['nees']['times']} times, on which the verdict is: above the band at "
-        "any of them is overconfident. A consistent filter has "
-        f"{bands[0]} for velocity and attitude and {bands[1]} for the whole state, {some['nees']['runs']} runs; the "
-        "bands of the whole campaign have a false-alarm rate of 1 %."
-    )
-    return Table(columns, cells, caption, left=3)
+    columns = ["Method", "NEES of", "Verdict", "Mean", "Least", "Greatest", "Expected"]
+    return Table(columns, cells, _CONSISTENCY.format(rows["times"][0], rows["runs"][0]), left=3)
 
 
 def _sweep(content: Content, sweep: pl.DataFrame) -> Part:
@@ -403,7 +366,7 @@ def _claim_cells(claim: Claim, row: Mapping[str, Any]) -> list[str]:
 
 def _configuration(campaign: CampaignTables) -> Part:
     """Every setting by its dotted name, with its value on each trajectory; one value where all agree."""
-    flat = [_flatten(campaign.configuration(name)) for name in campaign.trajectories]
+    flat = [flat_settings(campaign.configuration(name)) for name in campaign.trajectories]
     rows = []
     for key in dict.fromkeys(key for part in flat for key in part):
         values = [part.get(key, "–") for part in flat]
@@ -414,13 +377,3 @@ def _configuration(campaign: CampaignTables) -> Part:
     )
     table = Table(["Setting", "Value"], rows, caption, left=2)
     return Part("configuration", "Configuration", [Folded(f"{len(rows)} settings", [table], printed=False)])
-
-
-def _flatten(table: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    flat: dict[str, str] = {}
-    for key, value in table.items():
-        if isinstance(value, dict):
-            flat |= _flatten(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = json.dumps(value, ensure_ascii=False).strip('"')
-    return flat

@@ -1,5 +1,6 @@
 """Campaigns side by side: each quantity with its interval, and its difference to a reference, paired if possible."""
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -116,17 +117,18 @@ def _path(campaign: CampaignResults, trajectory: str) -> pl.DataFrame | None:
 
 def differing_settings(campaigns: Mapping[str, CampaignResults]) -> list[tuple[str, list[str]]]:
     """Every setting that is not the same in all campaigns, with its value in each; of their first trajectories."""
-    flat = [_flat(one.configuration(one.trajectories[0])) for one in campaigns.values()]
+    flat = [flat_settings(one.configuration(one.trajectories[0])) for one in campaigns.values()]
     keys = dict.fromkeys(key for settings in flat for key in settings if key not in {"name", "description"})
     rows = [(key, [settings.get(key, "–") for settings in flat]) for key in keys]
     return [(key, values) for key, values in rows if len(set(values)) > 1]
 
 
-def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+def flat_settings(table: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Settings by their dotted names, as a configuration file writes their values."""
     flat: dict[str, str] = {}
     for key, value in table.items():
         if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{key}.")
+            flat |= flat_settings(value, f"{prefix}{key}.")
         else:
-            flat[f"{prefix}{key}"] = str(value)
+            flat[f"{prefix}{key}"] = json.dumps(value, ensure_ascii=False).strip('"')
     return flat
