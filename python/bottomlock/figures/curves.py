@@ -200,7 +200,7 @@ def _by_method(rows: pl.DataFrame, column: str) -> dict[str, tuple[Floats, Float
     }
 
 
-WIDE, HALF, THIRD = (6.6, 3.9), (WIDTH_IN, 4.1), (4.2, 3.5)
+WIDE, HALF, THIRD, LOW = (6.6, 3.9), (WIDTH_IN, 4.1), (4.2, 3.5), (4.2, 2.6)
 """Width and height of a figure by the place that it has on a page, inches."""
 
 
@@ -215,7 +215,7 @@ def comparison_figure(shown: Comparison, size_in: tuple[float, float] = HALF) ->
     with mpl.rc_context(STYLE):
         figure = new_figure(size_in[1], size_in[0])
         left, bottom, width, height = place_of(size_in)
-        slant = 0.13 * any(len(name) >= SLANTED_FROM for name in shown.names)
+        slant = 0.34 / size_in[1] * any(len(name) >= SLANTED_FROM for name in shown.names)
         draw(figure.add_axes((left, bottom + slant, width, height - slant)), shown)
     return figure
 

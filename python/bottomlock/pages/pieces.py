@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 from bottomlock.figures.palette import STROKES, stroke
 from bottomlock.pages.page import (
     Block,
-    Coloured,
     Folded,
     Looked,
     Page,
@@ -169,18 +168,9 @@ def json_part(id_: str, heading: str, name: str, content: Mapping[str, Any]) -> 
     return Part(id_, heading, [Folded(name, [f"```\n{text}\n```"], printed=False)])
 
 
-def interval(value: float, low: float, high: float, number: Callable[[float], str]) -> str:
+def interval(value: float, low: float, high: float) -> str:
     """A cell: a value, and below it its interval."""
     return f"{number(value)}<br>{number(low)} … {number(high)}"
-
-
-def difference(row: Mapping[str, Any] | None, number: Callable[[float], str], note: str = "") -> str:
-    """A cell: a difference with its interval, in colours where that excludes zero; a dash where there is none."""
-    if row is None or row["difference"] is None:
-        return "–"
-    value, low, high = (row[f"difference{end}"] for end in ("", "_lo", "_hi"))
-    words = f"{'+' if value > 0 else ''}{number(value)}{note}<br>{number(low)} … {number(high)}"
-    return Coloured(words, "less" if high < 0 else "more" if low > 0 else "")
 
 
 _COLUMNS = ("Severity", "Finding", "Evidence", "What to do")

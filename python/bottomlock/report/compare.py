@@ -10,8 +10,8 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result, digests_of
-from bottomlock.pages.page import Page, Part, Table, html
-from bottomlock.pages.pieces import difference, interval, number, title_of
+from bottomlock.pages.page import Coloured, Page, Part, Table, html
+from bottomlock.pages.pieces import interval, number, title_of
 from bottomlock.statistics.compare import comparison_table, differing_settings, why_unpaired
 from bottomlock.support.nearest import did_you_mean
 from bottomlock.tables.results import CampaignTables, read_campaign_tables
@@ -164,9 +164,14 @@ def _quantity_table(rows: pl.DataFrame, numbers: Mapping[str, str], title: str) 
 
 
 def _value(row: Mapping[str, Any]) -> str:
-    return interval(row["value"], row["lo"], row["hi"], number)
+    return interval(row["value"], row["lo"], row["hi"])
 
 
 def _difference(row: Mapping[str, Any] | None) -> str:
-    unpaired = row is not None and not row["paired"]
-    return difference(row, lambda value: number(value, 2), " unpaired" if unpaired else "")
+    """A difference with its interval, in colours where that excludes zero; a dash where there is none."""
+    if row is None or row["difference"] is None:
+        return "–"
+    value, low, high = (row[f"difference{end}"] for end in ("", "_lo", "_hi"))
+    sign, note = "+" if value > 0 else "", "" if row["paired"] else " unpaired"
+    words = f"{sign}{number(value, 2)}{note}<br>{number(low, 2)} … {number(high, 2)}"
+    return Coloured(words, "less" if high < 0 else "more" if low > 0 else "")

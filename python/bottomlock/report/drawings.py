@@ -7,6 +7,7 @@ from typing import Any, Literal
 import polars as pl
 
 from bottomlock.figures.curves import (
+    LOW,
     THIRD,
     WIDE,
     calibration_of,
@@ -149,7 +150,7 @@ def sweeps(content: Content, number: int, parameter: str, rows: pl.DataFrame) ->
         others = ", ".join(one for one in methods if one not in shown)
         caption = f"{title_of(str(trajectory))}: velocity error at the end against {parameter}."
         caption += f" In the rows only: {others}." if others else ""
-        figure = comparison_figure(sweep_of(here.filter(pl.col("method").is_in(shown)), level), THIRD)
+        figure = comparison_figure(sweep_of(here.filter(pl.col("method").is_in(shown)), level), LOW)
         name = f"sweep_{number}_{trajectory}"
         yield content.pictures.add(figure, name, caption, "third")
 

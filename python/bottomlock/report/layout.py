@@ -233,7 +233,7 @@ def _final_table(campaign: CampaignTables, name: str) -> Table:
         mostly = runs_mostly_rejected(runs.filter(method=row["method"]))
         rejected = f"<br>most in {mostly} {'run' if mostly == 1 else 'runs'}" if mostly else ""
         intervals = (
-            interval(*(row[f"{quantity}_rms_over_runs{end}_{unit}"] for end in ("", "_lo", "_hi")), number)
+            interval(*[row[f"{quantity}_rms_over_runs{end}_{unit}"] for end in ("", "_lo", "_hi")])
             for quantity, unit in (("velocity", "mps"), ("attitude", "deg"))
         )
         numbers = (
