@@ -12,7 +12,7 @@ import numpy as np
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.decoder import Format, TableDecoder
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, name_of
-from bottomlock.io.nucleus import DATA, recording_of
+from bottomlock.io.nucleus import LAYOUT, recording_of
 from bottomlock.io.rows import NAN
 from bottomlock.io.sentences import number, whole
 
@@ -60,7 +60,7 @@ class _Decoder(TableDecoder):
             return False
         if any(one is None or not 0 <= one < 1 << 32 for one in clock):
             return False
-        row = np.zeros((), dtype=DATA)
+        row = np.zeros((), dtype=LAYOUT.fields)
         row["seconds"], row["micros"] = clock
         row["flags"], row["status"] = flags[0], sum(flag << k for k, flag in enumerate(flags[1:]))
         with np.errstate(over="ignore"):
@@ -77,7 +77,10 @@ class _Decoder(TableDecoder):
         if not self._width:
             self.header([])
         bottom, water = (
-            (np.array([row for _, row in rows], dtype=DATA), np.array([at for at, _ in rows], dtype=np.int64))
+            (
+                np.array([row for _, row in rows], dtype=LAYOUT.fields),
+                np.array([at for at, _ in rows], dtype=np.int64),
+            )
             for rows in self._found.values()
         )
         return recording_of(bottom, water, self.account, self.place, self.options)
