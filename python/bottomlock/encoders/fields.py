@@ -6,7 +6,6 @@ import math
 import numpy as np
 
 from bottomlock.encoders.ping import Ping
-from bottomlock.errors import DataError
 
 MOST_TEXT = 1e9
 """Largest number in a field of text: no maker states one, and no measurement reaches it."""
@@ -32,10 +31,7 @@ def whole(value: float, step: float, least: int, most: int, ping: Ping, what: st
     scaled = value / step
     steps = round(scaled) if math.isfinite(scaled) else None
     if steps is None or not least <= steps <= most:
-        raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}, the record holds {least * step:g} to "
-            f"{most * step:g}"
-        )
+        raise ping.fault(f"{what} is {value:g}, the record holds {least * step:g} to {most * step:g}")
     return steps
 
 
@@ -46,10 +42,7 @@ def decimal(value: float, digits: int, ping: Ping, what: str) -> str:
         DataError: where it is not finite or longer than any measurement.
     """
     if not abs(value) < MOST_TEXT:
-        raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}",
-            expected=f"a finite number below {MOST_TEXT:g}",
-        )
+        raise ping.fault(f"{what} is {value:g}", expected=f"a finite number below {MOST_TEXT:g}")
     return f"{value:.{digits}f}"
 
 
@@ -60,10 +53,7 @@ def single(value: float, ping: Ping, what: str) -> float:
         DataError: where it is not finite or too large for one.
     """
     if not abs(value) < 3.4e38:
-        raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: {what} is {value:g}",
-            expected="a finite number below 3.4e38",
-        )
+        raise ping.fault(f"{what} is {value:g}", expected="a finite number below 3.4e38")
     return float(np.float32(value))
 
 
@@ -75,10 +65,9 @@ def steps_of(time_ns: int, step_ns: int, least: int, most: int, ping: Ping) -> i
     """
     steps = (time_ns + step_ns // 2) // step_ns
     if not least <= steps <= most:
-        raise DataError(
-            f"its time, {time_ns} ns, lies outside the record's clock, {least * step_ns} to "
-            f"{most * step_ns} ns",
-            place=f"ping {ping.number}",
+        most_ns = most * step_ns
+        raise ping.fault(
+            f"its time, {time_ns} ns, is outside the record's clock, {least * step_ns} to {most_ns} ns"
         )
     return steps
 

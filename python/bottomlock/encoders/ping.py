@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,63 +62,43 @@ class Ping:
     water_sd_mps: float = 0.05
 
     def __post_init__(self) -> None:
-        n = len(self.beam_velocity_mps)
-        place = f"ping {self.number} at {self.time_ns} ns"
-        if np.shape(self.range_m) != (n,):
-            raise DataError(
-                f"has shape {np.shape(self.range_m)}",
-                place=place,
-                key="range_m",
-                expected=f"({n},), one per beam",
-            )
+        n, water = len(self.beam_velocity_mps), self.water_velocity_mps
+        ranges = np.asarray(self.range_m)
+        water = np.full(n, np.nan) if water is None else np.asarray(water)
+        shapes = {
+            "range_m": (ranges, (n,)),
+            "water_velocity_mps": (water, (n,)),
+            "velocity_p_mps": (self.velocity_p_mps, (3,)),
+            "covariance_m2ps2": (self.covariance_m2ps2, (3, 3)),
+        }
+        for key, (values, shape) in shapes.items():
+            if values is not None and np.shape(values) != shape:
+                raise self.fault(f"has shape {np.shape(values)}", key=key, expected=shape)
         if self.transmission_ns < self.time_ns or self.sent_ns > self.time_ns:
-            raise DataError(
-                f"trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} "
-                "are out of order",
-                place=place,
+            raise self.fault(
+                f"trigger_ns {self.sent_ns}, time_ns and transmission_ns {self.transmission_ns} are out of order",
                 expected="trigger, reflection, transmission",
             )
         if self.interval_ns < 0 or self.number < 1:
-            raise DataError(
-                f"is {self.interval_ns}",
-                place=place,
-                key="interval_ns",
-                expected="0 or more, and number from 1 on",
+            raise self.fault(
+                f"is {self.interval_ns}", key="interval_ns", expected="0 or more, and number from 1 on"
             )
-        water = np.full(n, np.nan) if self.water_velocity_mps is None else self.water_velocity_mps
-        if np.shape(water) != (n,) or not 0.0 <= self.water_range_m < np.inf:
-            raise DataError(
-                f"has shape {np.shape(water)} and water_range_m is {self.water_range_m}",
-                place=place,
-                key="water_velocity_mps",
-                expected=f"({n},), one per beam, and 0 m or more",
-            )
-        if (
-            np.isinf(self.beam_velocity_mps).any()
-            or np.isinf(water).any()
-            or (np.asarray(self.range_m) < 0.0).any()
-            or np.isinf(self.range_m).any()
-        ):
-            raise DataError(
-                "a beam is infinite or its range negative", place=place, expected="NaN for a lost beam"
-            )
-        self._check_velocity(place)
-
-    def _check_velocity(self, place: str) -> None:
+        if not 0.0 <= self.water_range_m < np.inf:
+            raise self.fault(f"is {self.water_range_m}", key="water_range_m", expected="0 m or more")
+        beams = np.concatenate([self.beam_velocity_mps, water, ranges])
+        if np.isinf(beams).any() or (ranges < 0.0).any():
+            raise self.fault("a beam is infinite or its range negative", expected="NaN for a lost beam")
         if (self.velocity_p_mps is None) != (self.covariance_m2ps2 is None):
-            raise DataError(
-                "a velocity and its covariance come together, got one without the other", place=place
+            raise self.fault("a velocity and its covariance come together, got one without the other")
+        known = [one for one in (self.velocity_p_mps, self.covariance_m2ps2) if one is not None]
+        if not all(np.isfinite(one).all() for one in known):
+            raise self.fault(
+                "velocity or covariance is not finite", hint="None stands for an invalid velocity"
             )
-        if self.velocity_p_mps is None or self.covariance_m2ps2 is None:
-            return
-        if np.shape(self.velocity_p_mps) != (3,) or np.shape(self.covariance_m2ps2) != (3, 3):
-            raise DataError(place=place, expected="a velocity (3,) and its covariance (3, 3)")
-        if not (np.isfinite(self.velocity_p_mps).all() and np.isfinite(self.covariance_m2ps2).all()):
-            raise DataError(
-                "velocity or covariance is not finite",
-                place=place,
-                hint="None stands for an invalid velocity",
-            )
+
+    def fault(self, what: str, **details: Any) -> DataError:  # noqa: ANN401 - of `DataError`
+        """The error of a number of this ping."""
+        return DataError(what, place=f"ping {self.number} at {self.time_ns} ns", **details)
 
     @property
     def of_water(self) -> "Ping | None":

@@ -10,7 +10,7 @@ import numpy as np
 
 from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, waterlinked_json, waterlinked_serial
 from bottomlock.encoders.ping import Instrument, Ping
-from bottomlock.errors import DataError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
 from bottomlock.support.nearest import did_you_mean
 
@@ -57,10 +57,7 @@ class Encoder:
             DataError: for another number of beams, and a number that the record does not hold.
         """
         if self.format.beams != ping.beams:
-            raise DataError(
-                f"ping {ping.number} at {ping.time_ns} ns has {ping.beams} beams, {self.format.name} holds "
-                f"{self.format.beams}"
-            )
+            raise ping.fault(f"has {ping.beams} beams, {self.format.name} holds {self.format.beams}")
         return self.format.encode(ping, self.instrument)
 
 

@@ -44,6 +44,15 @@ def _transducer(ping: Ping, k: int) -> dict[str, Any]:
     }
 
 
+def stated(ping: Ping) -> tuple[list[float], list[list[float]], float, bool]:
+    """Velocity, covariance, figure of merit, and whether the instrument calls them valid; else what stands for none."""
+    velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
+    if velocity is None or covariance is None or fom is None:
+        none = [[NO_FOM_MPS**2 if i == j else 0 for j in range(3)] for i in range(3)]
+        return [0.0] * 3, none, NO_FOM_MPS, False
+    return velocity.tolist(), covariance.tolist(), fom, True
+
+
 def encode(ping: Ping, instrument: Instrument) -> bytes:
     """The report of a ping, with its line end.
 
@@ -53,16 +62,11 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
     del instrument
     water = ping.of_water_alone
     ping = ping if water is None else water
-    velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
-    known = velocity is not None and covariance is not None and fom is not None
-    rows = [[NO_FOM_MPS**2 if i == j else 0 for j in range(3)] for i in range(3)]
-    axes = [0.0] * 3
-    if velocity is not None and covariance is not None:
-        rows, axes = covariance.tolist(), velocity.tolist()
+    axes, rows, fom, known = stated(ping)
     report = {
         "time": ping.interval_ns / 1e6,
         **dict(zip(("vx", "vy", "vz"), axes, strict=True)),
-        "fom": fom if known else NO_FOM_MPS,
+        "fom": fom,
         "covariance": rows,
         "altitude": -1 if ping.altitude_m is None else ping.altitude_m,
         "transducers": [_transducer(ping, k) for k in range(ping.beams)],

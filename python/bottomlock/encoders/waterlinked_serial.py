@@ -11,32 +11,23 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from bottomlock.encoders.fields import NO_FOM_MPS, decimal, steps_of
+from bottomlock.encoders.fields import decimal, steps_of
 from bottomlock.encoders.framing import crc8, waterlinked_sentence
 from bottomlock.encoders.ping import Instrument, Ping
-from bottomlock.encoders.waterlinked_json import MOST_BYTES, NSD_DBM, Commands, rssi_dbm
-from bottomlock.errors import DataError
+from bottomlock.encoders.waterlinked_json import MOST_BYTES, NSD_DBM, Commands, rssi_dbm, stated
 from bottomlock.io.columns import LATEST_NS
 
 
 def _velocity(ping: Ping, *, altitude: bool = True) -> str:
     """The fields of `wrz` behind its name; those of `wrs` without the altitude."""
-    velocity, covariance, fom = ping.velocity_p_mps, ping.covariance_m2ps2, ping.figure_mps
-    known = velocity is not None and covariance is not None and fom is not None
-    rows = [NO_FOM_MPS**2 if k % 4 == 0 else 0.0 for k in range(9)]
-    axes = [0.0] * 3
-    if velocity is not None and covariance is not None:
-        rows, axes = covariance.ravel().tolist(), velocity.tolist()
+    axes, rows, fom, known = stated(ping)
+    altitude_m = -1.0 if ping.altitude_m is None else ping.altitude_m
     fields = [
         *(decimal(v, 3, ping, f"velocity {axis}, m/s") for v, axis in zip(axes, "xyz", strict=True)),
         "y" if known else "n",
-        *(
-            [decimal(-1.0 if ping.altitude_m is None else ping.altitude_m, 2, ping, "altitude, m")]
-            if altitude
-            else []
-        ),
-        decimal(NO_FOM_MPS if fom is None else fom, 3, ping, "figure of merit, m/s"),
-        ";".join(f"{value:g}" for value in rows),
+        *([decimal(altitude_m, 2, ping, "altitude, m")] if altitude else []),
+        decimal(fom, 3, ping, "figure of merit, m/s"),
+        ";".join(f"{value:g}" for row in rows for value in row),
         *(str(steps_of(t, 1000, 1, LATEST_NS // 1000, ping)) for t in (ping.time_ns, ping.transmission_ns)),
         decimal(ping.interval_ns / 1e6, 2, ping, "interval, ms"),
         "0",
@@ -50,11 +41,7 @@ def _transducer(ping: Ping, k: int) -> str:
     if not math.isfinite(velocity):
         velocity, distance = 0.0, -1.0
     elif not math.isfinite(distance):
-        raise DataError(
-            f"ping {ping.number} at {ping.time_ns} ns: beam {k + 1} has a velocity but no range "
-            "(lost, in a wru)",
-            expected="a range",
-        )
+        raise ping.fault(f"beam {k + 1} has a velocity but no range (lost, in a wru)", expected="a range")
     v = decimal(velocity, 3, ping, f"velocity of beam {k + 1}, m/s")
     r = decimal(distance, 2, ping, f"range of beam {k + 1}, m")
     return f"{k},{v},{r},{rssi_dbm(ping):g},{NSD_DBM:g}"

@@ -82,13 +82,8 @@ class WaterTable:
 
     def to_frame(self) -> pl.DataFrame:
         """The documented columns: null where a record holds nothing."""
-        columns: dict[str, Any] = {"time_ns": self.time_ns, "cell": self.cell, "range_m": self.range_m}
-        for k in range(self.beams):
-            columns[f"beam{k + 1}_mps"] = self.velocity_mps[:, k]
-            columns[f"beam{k + 1}_valid"] = self.valid[:, k]
-            columns[f"beam{k + 1}_quality"] = self.quality[:, k]
-            columns[f"beam{k + 1}_sd_mps"] = self.sd_mps[:, k]
-        return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+        columns = {"time_ns": self.time_ns, "cell": self.cell, "range_m": self.range_m}
+        return _frame(columns | _columns(self, ("mps", "valid", "quality", "sd_mps")))
 
     @classmethod
     def from_frame(cls, frame: pl.DataFrame, place: str) -> Self:
@@ -98,15 +93,11 @@ class WaterTable:
             DataError: naming the place and the column: for one that is missing or of another type, rows that are not
                 sorted by time and cell, a cell below 1, or a valid beam without a finite velocity and range.
         """
-        beams = _beams_of(frame)
         table = cls(
             time_ns=whole_numbers(frame, "time_ns", place),
             cell=whole_numbers(frame, "cell", place),
             range_m=column_numbers(frame, "range_m", place),
-            velocity_mps=numbers_of(frame, _names("mps", beams), place),
-            valid=flags_of(frame, _names("valid", beams), place),
-            quality=numbers_of(frame, _names("quality", beams), place),
-            sd_mps=numbers_of(frame, _names("sd_mps", beams), place),
+            **_per_beam(frame, ("mps", "valid", "quality", "sd_mps"), place),
         )
         table._check(place)
         return table
@@ -176,6 +167,11 @@ EXTRA = {
 }
 """Columns that some formats fill, Float64, null where a record holds none."""
 
+_OF_BEAM = {
+    "mps": "velocity_mps", "valid": "valid", "range_m": "range_m", "quality": "quality", "sd_mps": "sd_mps",
+}  # fmt: skip
+"""Quantities of a beam, by the endings of their columns."""
+
 EXTRA_PER_BEAM = {
     "noise_dbm": "background noise at the transducer",
     "range_confidence": "the instrument's confidence in the range",
@@ -231,21 +227,14 @@ class BeamTable:
 
     def to_frame(self) -> pl.DataFrame:
         """The documented columns: null where a record holds nothing."""
-        columns: dict[str, Any] = {"time_ns": self.time_ns}
-        for k in range(self.beams):
-            columns[f"beam{k + 1}_mps"] = self.velocity_mps[:, k]
-            columns[f"beam{k + 1}_valid"] = self.valid[:, k]
-            columns[f"beam{k + 1}_range_m"] = self.range_m[:, k]
-            columns[f"beam{k + 1}_quality"] = self.quality[:, k]
-            columns[f"beam{k + 1}_sd_mps"] = self.sd_mps[:, k]
+        columns: dict[str, Any] = {"time_ns": self.time_ns} | _columns(self, tuple(_OF_BEAM))
         columns |= {f"instrument_{axis}_mps": self.instrument_mps[:, k] for k, axis in enumerate("xyz")}
         said = pl.Series(self.instrument_valid)
         columns["instrument_valid"] = pl.select(pl.when(said >= 0).then(said == 1)).to_series()
         arrival = np.full(self.rows, NO_TIME_NS) if self.arrival_ns is None else self.arrival_ns
         columns["arrival_ns"] = pl.Series(arrival).replace(NO_TIME_NS, None)
         columns["stale"] = np.zeros(self.rows, dtype=bool) if self.stale is None else self.stale
-        columns |= dict(self.extra)
-        return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+        return _frame(columns | dict(self.extra))
 
     @classmethod
     def from_frame(cls, frame: pl.DataFrame, place: str) -> Self:
@@ -255,36 +244,22 @@ class BeamTable:
             DataError: naming the place and the column: for one that is missing or of another type, a time that is
                 absent or does not rise, or a valid beam without a finite velocity.
         """
-        beams = _beams_of(frame)
         arrival = number_series(frame, "arrival_ns", place, pl.Int64())
         verdict = column_numbers(frame, "instrument_valid", place)
         table = cls(
             time_ns=whole_numbers(frame, "time_ns", place),
-            velocity_mps=numbers_of(frame, _names("mps", beams), place),
-            valid=flags_of(frame, _names("valid", beams), place),
-            range_m=numbers_of(frame, _names("range_m", beams), place),
-            quality=numbers_of(frame, _names("quality", beams), place),
-            sd_mps=numbers_of(frame, _names("sd_mps", beams), place),
+            **_per_beam(frame, tuple(_OF_BEAM), place),
             instrument_mps=numbers_of(frame, [f"instrument_{axis}_mps" for axis in "xyz"], place),
             instrument_valid=np.where(np.isnan(verdict), -1.0, verdict).astype(np.int8),
             arrival_ns=None
             if arrival.null_count() == frame.height
             else arrival.fill_null(NO_TIME_NS).to_numpy(),
             stale=flags_of(frame, ["stale"], place)[:, 0],
-            extra={
-                name: column_numbers(frame, name, place)
-                for name in _extra_names(beams)
-                if name in frame.columns
-            },
+            extra={name: column_numbers(frame, name, place) for name in frame.columns if _is_extra(name)},
         )
         check_rising(table.time_ns, "time_ns", place)
-        check_valid(table.velocity_mps, table.valid, [f"beam{k + 1}_mps" for k in range(beams)], place)
+        check_valid(table.velocity_mps, table.valid, _names("mps", table.beams), place)
         return table
-
-
-def _beams_of(frame: pl.DataFrame) -> int:
-    """How many beams the columns are numbered to."""
-    return next(k for k in count() if f"beam{k + 1}_mps" not in frame.columns)
 
 
 def _names(quantity: str, beams: int) -> list[str]:
@@ -292,8 +267,32 @@ def _names(quantity: str, beams: int) -> list[str]:
     return [f"beam{k + 1}_{quantity}" for k in range(beams)]
 
 
-def _extra_names(beams: int) -> list[str]:
-    return [*EXTRA, *(f"beam{k + 1}_{what}" for what in EXTRA_PER_BEAM for k in range(beams))]
+def _is_extra(name: str) -> bool:
+    beam, _, what = name.partition("_")
+    return name in EXTRA or (beam.startswith("beam") and what in EXTRA_PER_BEAM)
+
+
+def _columns(table: BeamTable | WaterTable, endings: Sequence[str]) -> dict[str, Any]:
+    """Columns of the quantities of each beam."""
+    return {
+        f"beam{k + 1}_{ending}": getattr(table, _OF_BEAM[ending])[:, k]
+        for k in range(table.beams)
+        for ending in endings
+    }
+
+
+def _per_beam(frame: pl.DataFrame, endings: Sequence[str], place: str) -> dict[str, Any]:
+    """Arrays (n, beams) of the quantities of as many beams as the columns are numbered to."""
+    beams = next(k for k in count() if f"beam{k + 1}_mps" not in frame.columns)
+    return {
+        _OF_BEAM[ending]: (flags_of if ending == "valid" else numbers_of)(frame, _names(ending, beams), place)
+        for ending in endings
+    }
+
+
+def _frame(columns: dict[str, Any]) -> pl.DataFrame:
+    """A table, null for NaN."""
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 @dataclass(frozen=True, eq=False)

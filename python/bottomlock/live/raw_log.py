@@ -7,6 +7,7 @@ and `paused/host`, whose bytes are the ns for which the process did not run.
 """
 
 import contextlib
+import io
 import mmap
 import struct
 import time
@@ -21,7 +22,6 @@ from bottomlock.support.extras import install
 Kind = Literal["in", "connected", "out", "paused"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Kind and length of a record; channel, number and two times of a message."""
-_LENGTH = struct.Struct("<Q")
 _KINDS = {"header": 1, "footer": 2, "channel": 4, "message": 5, "attachment": 9, "data end": 15}
 _MAGIC_BYTES = 8
 _NUMBERS = 2**32
@@ -44,13 +44,13 @@ class Entry:
 
 
 def mcap_library() -> Any:  # noqa: ANN401 - an extra
-    """The library mcap, with its writer.
+    """The library mcap, with its writer, its records and its exceptions.
 
     Raises:
         DataError: where it is not installed.
     """
     try:
-        import mcap.writer  # noqa: PLC0415 - an extra
+        import mcap.writer  # noqa: PLC0415 - an extra; it imports records, streams and exceptions
     except ImportError as error:
         raise DataError(f"raw logs and MCAP files need mcap: {install('live')}") from error
     return mcap
@@ -155,11 +155,11 @@ class ReadLog:
         damaged: whether that is damage. A kill leaves a log that was cut off.
 
     Raises:
-        DataError: for a file that cannot be read or is no raw log of ours.
+        DataError: for a file that cannot be read or is no raw log of ours, and where mcap is not installed.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path, self._mcap = path, mcap_library()
         self.start: dict[str, bytes] = {}
         self._channels: dict[int, tuple[Kind, int]] = {}
         self.end, self.damaged = "", False
@@ -180,30 +180,26 @@ class ReadLog:
         for kind, record in self._records():
             try:
                 if kind == _KINDS["attachment"]:
-                    name, at = _text(record, 16)
-                    _, at = _text(record, at)
-                    (size,) = _LENGTH.unpack_from(record, at)
-                    self.start[name.removeprefix(f"{START}/")] = record[at + 8 : at + 8 + size]
+                    attached = self._mcap.records.Attachment.read(self._stream(record))
+                    self.start[attached.name.removeprefix(f"{START}/")] = attached.data
                 elif kind == _KINDS["channel"]:
-                    self._add_channel(record)
+                    self._add_channel(self._mcap.records.Channel.read(self._stream(record)))
                 elif kind == _KINDS["message"]:
                     channel, _, time_ns, _ = _MESSAGE.unpack_from(record)
                     yield Entry(*self._channels[channel], time_ns, record[_MESSAGE.size :])
-            except (struct.error, UnicodeDecodeError, KeyError) as error:
+            except (struct.error, UnicodeDecodeError, KeyError, self._mcap.exceptions.McapError) as error:
                 raise DataError(f"is no raw log, or damaged ({error!r})", place=self._path) from error
 
-    def _add_channel(self, record: bytes) -> None:
-        number, at = int.from_bytes(record[:2], "little"), 4
-        topic, at = _text(record, at)
-        _, at = _text(record, at)
-        at, known = at + 4, {}
-        while at < len(record):
-            key, at = _text(record, at)
-            known[key], at = _text(record, at)
-        kind, place = known.get("kind"), known.get("place", "")
+    def _stream(self, record: bytes) -> Any:  # noqa: ANN401 - of the library
+        return self._mcap.data_stream.ReadDataStream(io.BytesIO(record))
+
+    def _add_channel(self, channel: Any) -> None:  # noqa: ANN401 - of the library
+        kind, place = channel.metadata.get("kind"), channel.metadata.get("place", "")
         if kind not in get_args(Kind) or not place.isdigit():
-            raise DataError(f"channel '{topic}' is none of a raw log of `bottomlock live`", place=self._path)
-        self._channels[number] = kind, int(place)  # type: ignore[assignment]
+            raise DataError(
+                f"channel '{channel.topic}' is none of a raw log of `bottomlock live`", place=self._path
+            )
+        self._channels[channel.id] = kind, int(place)
 
     def _records(self) -> Iterator[tuple[int, bytes]]:
         """Kind and content of the records."""
@@ -240,9 +236,3 @@ class ReadLog:
             if kind == _KINDS["message"] and _MESSAGE.size <= length <= len(data) - begin - _RECORD.size:
                 return True
         return False
-
-
-def _text(record: bytes, at: int) -> tuple[str, int]:
-    """A text that begins at a byte with its length, and where it ends."""
-    (size,) = struct.unpack_from("<I", record, at)
-    return record[at + 4 : at + 4 + size].decode(), at + 4 + size
