@@ -48,12 +48,8 @@ class DistanceSensor(MavlinkPort):
                 place=f"port {self.name}",
             )
         if not self.min_distance_m < self.max_distance_m <= 655.0:
-            raise ScenarioError(
-                f"is {self.max_distance_m}",
-                place=f"port {self.name}",
-                key="max_distance_m",
-                expected=f"more than min_distance_m, {self.min_distance_m}, and at most 655",
-            )
+            expected = f"more than min_distance_m, {self.min_distance_m}, and at most 655"
+            raise self.wrong("max_distance_m", expected)
         self._sent: Ping | None = None
 
     def _refuses(self, estimate: Estimate) -> str | None:

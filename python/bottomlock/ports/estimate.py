@@ -85,57 +85,41 @@ class Estimate:
             if value is not None:
                 object.__setattr__(self, name, _array(name, value, shape))
         for name, known in _WORDS.items():
-            if getattr(self, name) not in known:
-                raise DataError(
-                    f"{name} is '{getattr(self, name)}'",
-                    place="estimate",
-                    expected=f"one of {', '.join(known)}",
-                )
+            value = getattr(self, name)
+            _require(value in known, f"{name} is '{value}'", expected=f"one of {', '.join(known)}")
         for name, least, most in (("time_ns", 0, 2**63 - 1), ("rank", 0, 3), ("reset_counter", 0, 255)):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-                raise DataError(
-                    f"{name} is {value!r}", place="estimate", expected=f"an integer from {least} to {most}"
-                )
+            is_whole = isinstance(value, int) and not isinstance(value, bool)
+            expected = f"an integer from {least} to {most}"
+            _require(is_whole and least <= value <= most, f"{name} is {value!r}", expected=expected)
         self._check_numbers()
 
     def _check_numbers(self) -> None:
         """Checks that components are there as the mode says, and that covariances are covariances."""
-        there = self.components
-        whole = bool(there.all())
+        there, whole = self.components, self.complete
         finite = np.isfinite(self.covariance_m2ps2)
-        if not (finite.all() if whole else np.array_equal(finite, np.outer(there, there))):
-            raise DataError(
-                "covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are",
-                place="estimate",
-            )
+        _require(
+            bool(finite.all()) if whole else np.array_equal(finite, np.outer(there, there)),
+            "covariance_m2ps2 must be finite exactly for the components of velocity_p_mps that are",
+        )
         known = self.covariance_m2ps2 if whole else self.covariance_m2ps2[np.ix_(there, there)]
         _check_covariance("covariance_m2ps2", known)
         _check_covariance("information_s2pm2", self.information_s2pm2)
         for name in ("observed_velocity_p_mps", "position_t_m", "omega_p_radps", "attitude_t_p"):
             value = getattr(self, name)
-            if value is not None and not all(map(math.isfinite, value.tolist())):
-                raise DataError(f"{name} is {value.tolist()}", place="estimate", expected="finite numbers")
-        attitude = self.attitude_t_p
-        if attitude is not None and abs(math.hypot(*attitude.tolist()) - 1.0) > 1e-6:
-            raise DataError(
-                f"is {attitude.tolist()}", place="estimate", key="attitude_t_p", expected="a unit quaternion"
-            )
+            if value is not None:
+                numbers = value.tolist()
+                _require(all(map(math.isfinite, numbers)), f"{name} is {numbers}", expected="finite numbers")
+        if self.attitude_t_p is not None:
+            q = self.attitude_t_p.tolist()
+            is_unit = abs(math.hypot(*q) - 1.0) <= 1e-6
+            _require(is_unit, f"is {q}", key="attitude_t_p", expected="a unit quaternion")
         if self.mode == "navigation":
-            absent = [
-                name
-                for name in ("attitude_t_p", "position_t_m", "navigation_covariance")
-                if getattr(self, name) is None
-            ]
-            if absent:
-                raise DataError(f"{absent[0]} is missing in mode navigation", place="estimate")
-            if not whole:
-                raise DataError(
-                    f"is {self.velocity_p_mps.tolist()}",
-                    place="estimate",
-                    key="velocity_p_mps",
-                    expected="three finite components in mode navigation",
-                )
+            for name in ("attitude_t_p", "position_t_m", "navigation_covariance"):
+                _require(getattr(self, name) is not None, f"{name} is missing in mode navigation")
+            velocity = self.velocity_p_mps.tolist()
+            expected = "three finite components in mode navigation"
+            _require(whole, f"is {velocity}", key="velocity_p_mps", expected=expected)
         if self.navigation_covariance is not None:
             _check_covariance("navigation_covariance", self.navigation_covariance)
 
@@ -264,10 +248,14 @@ def _array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} holds something else than numbers", place="estimate") from error
-    if array.shape != shape:
-        raise DataError(f"{name} has shape {array.shape}", place="estimate", expected=shape)
+    _require(array.shape == shape, f"{name} has shape {array.shape}", expected=shape)
     array.flags.writeable = False
     return array
+
+
+def _require(holds: bool, what: str, **more: Any) -> None:  # noqa: ANN401, FBT001 - of `DataError`
+    if not holds:
+        raise DataError(what, place="estimate", **more)
 
 
 def _symmetric(matrix: Floats) -> Floats:
@@ -278,11 +266,11 @@ def _check_covariance(name: str, matrix: Floats) -> None:
     """Checks that a matrix is finite, symmetric and without a negative eigenvalue beyond rounding."""
     if matrix.size == 0:
         return
-    if not np.isfinite(matrix).all() or (np.abs(matrix - matrix.T) > 1e-12 * np.abs(matrix)).any():
-        raise DataError(f"{name} must be finite and symmetric", place="estimate")
+    is_symmetric = np.isfinite(matrix).all() and (np.abs(matrix - matrix.T) <= 1e-12 * np.abs(matrix)).all()
+    _require(bool(is_symmetric), f"{name} must be finite and symmetric")
     # In units of each state's own σ: position and misalignment differ by orders of magnitude.
     variance = matrix.diagonal()
     scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     least = float(np.linalg.eigvalsh(matrix / scale / scale[:, None])[0])
-    if bool((variance < 0.0).any()) or least < -_ROUNDING * len(scale):
-        raise DataError(f"{name} has a negative eigenvalue", place="estimate", expected="a covariance")
+    is_positive = bool((variance >= 0.0).all()) and least >= -_ROUNDING * len(scale)
+    _require(is_positive, f"{name} has a negative eigenvalue", expected="a covariance")

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from bottomlock.errors import ScenarioError
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
 from bottomlock.ports.port import Port
@@ -50,12 +49,8 @@ class MicroStrain(Port):
     @model_validator(mode="after")
     def _latency_is_of_arrival(self) -> Self:
         if (self.timebase == "arrival") != (self.latency_s is not None):
-            raise ScenarioError(
-                f"is {self.latency_s!r} with timebase '{self.timebase}'",
-                place=f"port {self.name}",
-                key="latency_s",
-                expected="seconds with 'arrival' and nothing with 'external'",
-            )
+            expected = "seconds with 'arrival' and nothing with 'external'"
+            raise self.wrong("latency_s", expected, f" with timebase '{self.timebase}'")
         return self
 
     def _axes(self, estimate: Estimate) -> NDArray[np.bool_]:

@@ -5,7 +5,6 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.mavlink import MavlinkVelocity
@@ -40,12 +39,8 @@ class Odometry(MavlinkVelocity):
     @model_validator(mode="after")
     def _noise_is_ardupilots(self) -> Self:
         if (self.receiver == "ardupilot") != (self.receiver_noise_mps is not None):
-            raise ScenarioError(
-                f"is {self.receiver_noise_mps!r} with receiver '{self.receiver}'",
-                place=f"port {self.name}",
-                key="receiver_noise_mps",
-                expected="VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'",
-            )
+            expected = "VISO_VEL_M_NSE with 'ardupilot' and nothing with 'px4'"
+            raise self.wrong("receiver_noise_mps", expected, f" with receiver '{self.receiver}'")
         return self
 
     @property
@@ -53,8 +48,7 @@ class Odometry(MavlinkVelocity):
         return self.pose or self.receiver == "ardupilot"
 
     def _refuses(self, estimate: Estimate) -> str | None:
-        reason = incomplete(estimate)
-        if reason:
+        if reason := incomplete(estimate):
             return reason
         if self._pose and estimate.mode != "navigation":
             return "mode velocity has no pose, which this receiver takes"

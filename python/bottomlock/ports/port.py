@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from bottomlock.errors import DataError
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.ports.estimate import SILENT, Estimate
 from bottomlock.units import ns_from_s
 
@@ -95,6 +95,11 @@ class Port(BaseModel):
     def answers(self) -> Answers | None:
         """What answers a client that asks something of an instrument in whose place the port is; None for nothing."""
         return None
+
+    def wrong(self, key: str, expected: str, given: str = "") -> ScenarioError:
+        """The error of a setting whose value does not go with the others."""
+        what = f"is {getattr(self, key)!r}{given}"
+        return ScenarioError(what, place=f"port {self.name}", key=key, expected=expected)
 
     def _refusal(self, estimate: Estimate) -> str | None:
         """Why the estimate cannot be sent, whatever was sent before."""

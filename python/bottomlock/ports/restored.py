@@ -46,8 +46,7 @@ class _Restored(Port):
         """Time of the report before; of the first estimate where there is none."""
 
     def _refuses(self, estimate: Estimate) -> str | None:
-        reason = incomplete(estimate)
-        if reason:
+        if reason := incomplete(estimate):
             return reason
         if estimate.beams is not None and len(estimate.beams.velocity_mps) != self.geometry.beams:
             return (

@@ -139,27 +139,8 @@ def pose_enu_flu(estimate: Estimate) -> tuple[Floats, Floats]:
     return ENU_FROM_NED @ estimate.position_t_m, attitude if attitude[0] >= 0.0 else -attitude
 
 
-def _no_pose(estimate: Estimate) -> str | None:
-    """Why an estimate has no pose in a message."""
-    if estimate.mode != "navigation":
-        return "mode velocity has no pose, which this message holds"
-    return later_than_a_ros_time(estimate)
-
-
-def _put_pose(writer: CdrWriter, estimate: Estimate, frame_id: str, child_frame_id: str) -> None:
-    """Header, name of the body's frame, position and `geometry_msgs/Quaternion`, scalar last."""
-    position, attitude = pose_enu_flu(estimate)
-    w, x, y, z = attitude.tolist()
-    writer.header(estimate.time_ns, frame_id)
-    writer.string(child_frame_id)
-    writer.float64(*(position + 0.0).tolist(), x, y, z, w)
-
-
-class RosOdometry(TwistPort):
-    """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, with covariances (mode navigation)."""
-
-    name = "ros_odometry"
-    ros_type = "nav_msgs/msg/Odometry"
+class PosePort(Port):
+    """Base of the messages with a pose (mode navigation)."""
 
     frame_id: FrameName = "odom"
     """the world's frame, east-north-up from the origin: `odom`, or `map` where positions are measured"""
@@ -167,35 +148,44 @@ class RosOdometry(TwistPort):
     """the body's, forward-left-up"""
 
     def _refuses(self, estimate: Estimate) -> str | None:
-        return _no_pose(estimate)
+        if estimate.mode != "navigation":
+            return "mode velocity has no pose, which this message holds"
+        return later_than_a_ros_time(estimate)
+
+    def _put_pose(self, writer: CdrWriter, estimate: Estimate) -> None:
+        """Header, name of the body's frame, position and `geometry_msgs/Quaternion`, scalar last."""
+        position, attitude = pose_enu_flu(estimate)
+        w, x, y, z = attitude.tolist()
+        writer.header(estimate.time_ns, self.frame_id)
+        writer.string(self.child_frame_id)
+        writer.float64(*(position + 0.0).tolist(), x, y, z, w)
+
+
+class RosOdometry(PosePort, TwistPort):
+    """`nav_msgs/Odometry`: pose in `frame_id`, twist in `child_frame_id`, with covariances (mode navigation)."""
+
+    name = "ros_odometry"
+    ros_type = "nav_msgs/msg/Odometry"
 
     def _message(self, estimate: Estimate) -> bytes:
         assert estimate.navigation_covariance is not None
         turn = np.kron(np.eye(2), ENU_FROM_NED)
         covariance = turn @ estimate.navigation_covariance[:6, :6] @ turn.T
         writer = CdrWriter()
-        _put_pose(writer, estimate, self.frame_id, self.child_frame_id)
+        self._put_pose(writer, estimate)
         writer.float64(*(covariance + 0.0).ravel().tolist())
         self._put_twist(writer, estimate)
         return bytes(writer)
 
 
-class RosTransform(Port):
+class RosTransform(PosePort):
     """`tf2_msgs/TFMessage` for `/tf`: where the body is in the world's frame (mode navigation)."""
 
     name = "ros_tf"
     ros_type = "tf2_msgs/msg/TFMessage"
 
-    frame_id: FrameName = "odom"
-    """as of `RosOdometry`"""
-    child_frame_id: FrameName = "base_link"
-    """as of `RosOdometry`"""
-
-    def _refuses(self, estimate: Estimate) -> str | None:
-        return _no_pose(estimate)
-
     def _message(self, estimate: Estimate) -> bytes:
         writer = CdrWriter()
         writer.uint32(1)
-        _put_pose(writer, estimate, self.frame_id, self.child_frame_id)
+        self._put_pose(writer, estimate)
         return bytes(writer)

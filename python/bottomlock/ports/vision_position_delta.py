@@ -6,7 +6,6 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.mavlink import MavlinkVelocity
@@ -43,12 +42,7 @@ class VisionPositionDelta(MavlinkVelocity):
     @model_validator(mode="after")
     def _noise_has_a_range(self) -> Self:
         if self.max_noise_mps <= self.min_noise_mps:
-            raise ScenarioError(
-                f"is {self.max_noise_mps}",
-                place=f"port {self.name}",
-                key="max_noise_mps",
-                expected=f"> min_noise_mps, {self.min_noise_mps}",
-            )
+            raise self.wrong("max_noise_mps", f"> min_noise_mps, {self.min_noise_mps}")
         return self
 
     def model_post_init(self, _context: Any, /) -> None:  # noqa: ANN401 - pydantic's
@@ -71,8 +65,7 @@ class VisionPositionDelta(MavlinkVelocity):
         )
 
     def _refuses(self, estimate: Estimate) -> str | None:
-        reason = incomplete(estimate)
-        if reason:
+        if reason := incomplete(estimate):
             return reason
         sd = math.sqrt(self._scalar(estimate))
         if self.confidence(sd) < 0.0:
