@@ -1,10 +1,10 @@
 """The records of a run in the order of sending: bytes, time and faults; nothing here knows how they are sent."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from bottomlock.encoders.ping import Ping
@@ -146,32 +146,31 @@ def sent_table(readings: Readings, records: list[Record]) -> pl.DataFrame:
         another ping in a stale one); velocity_valid, whether the record states a velocity; and the true states at the
         ping (true_surge_mps ...), null for a recording.
     """
-    pairs = [
-        (one, one.ping, one.stated) for one in records if one.ping is not None and one.stated is not None
-    ]
-    columns: dict[str, Any] = {
-        "number": pl.Series([ping.number for _, ping, _ in pairs], dtype=pl.Int64),
-        "time_ns": pl.Series([ping.time_ns for _, ping, _ in pairs], dtype=pl.Int64),
-        "trigger_ns": pl.Series([ping.sent_ns for _, ping, _ in pairs], dtype=pl.Int64),
-        "transmission_ns": pl.Series([one.due_ns for one, _, _ in pairs], dtype=pl.Int64),
-        "stated_time_ns": pl.Series([stated.time_ns for _, _, stated in pairs], dtype=pl.Int64),
-        "stated_transmission_ns": pl.Series([s.transmission_ns for _, _, s in pairs], dtype=pl.Int64),
-        "bytes": pl.Series([len(one.data) for one, _, _ in pairs], dtype=pl.Int64),
-        "faults": pl.Series(["+".join(sorted(one.faults)) for one, _, _ in pairs], dtype=pl.String),
-        "velocity_valid": pl.Series([s.velocity_p_mps is not None for _, _, s in pairs], dtype=pl.Boolean),
-    }
-    beams = readings.geometry.beams
-    own = np.array([ping.beam_velocity_mps for _, ping, _ in pairs], dtype=np.float64).reshape(-1, beams)
-    held = np.array([s.beam_velocity_mps for _, _, s in pairs], dtype=np.float64).reshape(-1, beams)
-    ranges = np.array([ping.range_m for _, ping, _ in pairs], dtype=np.float64).reshape(-1, beams)
-    for k in range(beams):
-        columns[f"beam{k + 1}_mps"] = own[:, k]
-        columns[f"beam{k + 1}_valid"] = np.isfinite(own[:, k])
-        columns[f"beam{k + 1}_range_m"] = ranges[:, k]
-        columns[f"sent_beam{k + 1}_mps"] = held[:, k]
-    rows = [ping.number - 1 for _, ping, _ in pairs]
-    for name, axes in _AXES.items():
-        states = None if readings.truth is None else getattr(readings.truth, name)[rows]
-        for k, axis in enumerate(axes):
-            columns[axis] = np.full(len(rows), np.nan) if states is None else states[:, k]
-    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+    rows = []
+    for one in records:
+        ping, stated = one.ping, one.stated
+        if ping is None or stated is None:
+            continue
+        row: dict[str, Any] = {
+            "number": ping.number,
+            "time_ns": ping.time_ns,
+            "trigger_ns": ping.sent_ns,
+            "transmission_ns": one.due_ns,
+            "stated_time_ns": stated.time_ns,
+            "stated_transmission_ns": stated.transmission_ns,
+            "bytes": len(one.data),
+            "faults": "+".join(sorted(one.faults)),
+            "velocity_valid": stated.velocity_p_mps is not None,
+        }
+        for k in range(readings.geometry.beams):
+            row[f"beam{k + 1}_mps"] = float(ping.beam_velocity_mps[k])
+            row[f"beam{k + 1}_valid"] = bool(ping.valid[k])
+            row[f"beam{k + 1}_range_m"] = float(ping.range_m[k])
+            row[f"sent_beam{k + 1}_mps"] = float(stated.beam_velocity_mps[k])
+        for name, axes in _AXES.items():
+            truth = (
+                None if readings.truth is None else getattr(readings.truth, name)[ping.number - 1].tolist()
+            )
+            row |= dict.fromkeys(axes, math.nan) if truth is None else dict(zip(axes, truth, strict=True))
+        rows.append(row)
+    return pl.DataFrame(rows, infer_schema_length=None).with_columns(pl.col(pl.Float64).fill_nan(None))
