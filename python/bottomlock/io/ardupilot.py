@@ -23,7 +23,6 @@ from bottomlock.io.log_stream import (
     body_velocity,
     change_of_pressure,
     finish,
-    never_moves,
     velocity_of_displacements,
 )
 from bottomlock.io.rows import longest_rising
@@ -52,7 +51,6 @@ class _Message:
     columns: dict[str, tuple[str, str]]
     used: Callable[[Records], Flags] | None = None
     remark: str = ""
-    moves: bool = False
 
 
 def _fixed(records: Records) -> Flags:
@@ -77,10 +75,10 @@ _MESSAGES = (
         {"latitude_deg": ("Lat", "deg"), "longitude_deg": ("Lng", "deg"), "height_m": ("Alt", "m")},
         used=_fixed,
     ),
-    _Message(("XKF1", "NKF1"), _POSITION | _VELOCITY, remark=ESTIMATE, moves=True),
+    _Message(("XKF1", "NKF1"), _POSITION | _VELOCITY, remark=ESTIMATE),
     _Message(
         ("VISP",), {"north_m": ("PX", "m"), "east_m": ("PY", "m"), "down_m": ("PZ", "m")},
-        remark="positions that were sent to the autopilot: whose they are, the log does not say", moves=True,
+        remark="positions that were sent to the autopilot: whose they are, the log does not say",
     ),
 )  # fmt: skip
 
@@ -160,9 +158,6 @@ def _stream(label: str, records: Records, message: _Message, notes: list[str]) -
         records = records.where(message.used(records))
     columns = {ours: records.numbers(theirs, unit) for ours, (theirs, unit) in message.columns.items()}
     if not len(records.values):
-        return None
-    if message.moves and never_moves(columns):
-        notes.append(f"{label} never moves, and is left out")
         return None
     return LogStream(label, records.time_ns(), columns, message.remark, independent=not message.remark)
 

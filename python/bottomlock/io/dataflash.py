@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account, Flags, Floats, Integers
-from bottomlock.io.progress import reporter
+from bottomlock.io.progress import teller
 
 HEAD = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
 _PADDING = (b"\xff", b"\x00")
-_EVERY = 1 << 22
-"""Bytes between two reports of progress."""
 _TYPES = {
     "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4", "d": "<f8",
     "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4",
@@ -161,7 +159,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list["array[int
     at, end, first, second = 0, len(data), HEAD[0], HEAD[1]
     # Boards log to pages of a fixed size: from here on there is nothing but filling.
     filling = min(len(data.rstrip(one)) for one in _PADDING)
-    told, reached = reporter(), _EVERY
+    reached = teller()
     while at < end:
         length = (
             lengths[data[at + 2]] if at + 3 <= end and data[at] == first and data[at + 1] == second else 0
@@ -175,9 +173,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list["array[int
             if kind == _FMT:
                 _define(data[at + 3 : after], place, at, lengths, formats)
             at = after
-            if told is not None and at > reached:
-                told(at)
-                reached = at + _EVERY
+            reached(at)
             continue
         if at >= filling:
             break

@@ -119,11 +119,10 @@ def detect(path: Path) -> str:
     Raises:
         DataError: for a missing file, and one in none of the formats, with what to record in place of a known one.
     """
-    _check_there(path)
-    head = b"" if path.is_dir() else _head(path)
-    name = _recognise(path, head)
+    name = format_of(path)
     if name is not None:
         return name
+    head = b"" if path.is_dir() else _head(path)
     for mark, why, instead in _UNREAD:
         if re.search(mark, head):
             raise DataError(why, place=path, hint=instead)

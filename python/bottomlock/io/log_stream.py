@@ -92,11 +92,14 @@ class Attitudes:
 
 
 def finish(log: LogStreams, place: str) -> LogStreams:
-    """The log with a note of its damaged parts, once it has a stream.
+    """The log without positions that stand still, and with a note of its damaged parts, once it has a stream.
 
     Raises:
         DataError: where it has none, with what was left out.
     """
+    still = [one.name for one in log.streams if _never_moves(one.columns)]
+    log.notes += [f"{name} never moves, and is left out" for name in still]
+    log.streams = [one for one in log.streams if one.name not in still]
     if not log.streams:
         why = "; ".join(log.notes) or "no message of a sensor"
         raise DataError(f"holds no stream that a replay could use ({why})", place=place)
@@ -113,7 +116,7 @@ def change_of_pressure(stream: LogStream) -> float:
     return float(np.ptp(stream.columns["pressure_pa"])) if "pressure_pa" in stream.columns else 0.0
 
 
-def never_moves(columns: Mapping[str, Floats]) -> bool:
+def _never_moves(columns: Mapping[str, Floats]) -> bool:
     """Whether columns are of positions that stand still."""
     return all(part in columns and np.ptp(columns[part]) == 0.0 for part in ("north_m", "east_m"))
 

@@ -20,3 +20,16 @@ def progress_to(report: Callable[[int], None]) -> Iterator[None]:
 def reporter() -> Callable[[int], None] | None:
     """What a reader calls with the bytes it has read; None where nobody listens."""
     return _reached.get()
+
+
+def teller(every: int = 1 << 22) -> Callable[[int], None]:
+    """What a reader of small records calls with each byte that it has reached; it reports one in so many bytes."""
+    report, told = reporter(), 0
+
+    def reached(at: int) -> None:
+        nonlocal told
+        if report is not None and at > told + every:
+            told = at
+            report(at)
+
+    return reached

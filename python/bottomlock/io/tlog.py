@@ -24,10 +24,9 @@ from bottomlock.io.log_stream import (
     body_velocity,
     change_of_pressure,
     finish,
-    never_moves,
     velocity_of_displacements,
 )
-from bottomlock.io.progress import reporter
+from bottomlock.io.progress import teller
 from bottomlock.support.extras import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -47,7 +46,6 @@ LEAST_IMU_HZ = 20.0
 """Slower readings alias the motion that they are to be integrated over."""
 _MILLIGEE = (740.0, 1350.0)
 _FIX_3D, _NO_AUTOPILOT, _BODY_FRD = 3, 8, 12
-_EVERY = 1 << 22
 
 _Values = tuple[float, ...]
 _MG, _MRADPS = 1e-3 * STANDARD_GRAVITY_MPS2, 1e-3
@@ -207,7 +205,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
     found: dict[tuple[_Source, str], _Read] = {}
     vehicles: set[int] = set()
-    at, size, told, reached = 0, len(data), reporter(), _EVERY
+    at, size, reached = 0, len(data), teller()
     while at < size:
         end = _end(data, at)
         if end is None or end > size:
@@ -243,9 +241,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
         else:
             account.pass_by("messages of other kinds", at)
         at = end
-        if told is not None and at > reached:
-            told(at)
-            reached = at + _EVERY
+        reached(at)
     return {key: one for key, one in found.items() if one.values}, vehicles
 
 
@@ -309,7 +305,7 @@ def _order(stream: LogStream) -> tuple[bool, float]:
 
 
 def _checked(stream: LogStream, notes: list[str]) -> LogStream | None:
-    """The stream; None for inertial readings that are too slow or in counts, and for positions that stand still."""
+    """The stream; None for inertial readings that are too slow or in counts."""
     if "acc_x_mps2" in stream.columns:
         step_s = float(np.median(np.diff(stream.time_ns))) * 1e-9 if len(stream.time_ns) > 1 else np.inf
         if step_s * LEAST_IMU_HZ > 1.0:
@@ -327,9 +323,6 @@ def _checked(stream: LogStream, notes: list[str]) -> LogStream | None:
                 "mg; are these raw counts?"
             )
             return None
-    if never_moves(stream.columns):
-        notes.append(f"{stream.name} never moves, and is left out")
-        return None
     return stream
 
 

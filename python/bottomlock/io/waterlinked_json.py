@@ -15,6 +15,7 @@ Source: Water Linked, TCP JSON API of the A50 and A125, and "Water tracking".
 import json
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -200,6 +201,40 @@ _OF_BEAM = ("velocity", "distance", "rssi", "nsd")
 _OF_REPORT = ("vx", "vy", "vz", "altitude", "fom")
 
 
+def row_of(
+    position: int,
+    time_ns: int,
+    beams: Sequence[Sequence[float]],
+    own: Sequence[float],
+    sent_ns: int | None,
+    *,
+    through_water: bool,
+) -> Row:
+    """The row of a report, whose beams are valid where they have a distance.
+
+    Args:
+        position, time_ns, sent_ns: as of `Row`.
+        beams: of each velocity, distance, signal strength and noise.
+        own: the instrument's velocity, altitude and figure of merit.
+        through_water: the report is one of the water.
+    """
+    velocity, distance, rssi, noise = map(list, zip(*beams, strict=True))
+    *axes, altitude, fom = own
+    noises = {f"beam{k + 1}_noise_dbm": one for k, one in enumerate(noise)}
+    return Row(
+        position=position,
+        time_ns=time_ns,
+        velocity=velocity,
+        valid=[one >= 0.0 for one in distance],
+        range_m=[one if one >= 0.0 else NAN for one in distance],
+        quality=rssi,
+        instrument=axes,
+        extra={"altitude_m": altitude if altitude >= 0.0 else NAN, "instrument_sd_mps": fom, **noises},
+        sent_ns=sent_ns,
+        water_m=WATER_RANGE_M if through_water else None,
+    )
+
+
 class ReportDecoder(Decoder):
     """Velocity reports of a stream or of a driver's messages.
 
@@ -248,23 +283,11 @@ class ReportDecoder(Decoder):
         through_water = _of_water(report)
         if through_water:
             account.flag("velocity through the water: no beam has the bottom", position)
-        velocity, distance, rssi, noise = zip(*(map(_float, one or _NONE) for one in block), strict=True)
-        x, y, z, altitude, fom = map(_float, map(report.get, _OF_REPORT))
-        noises = {f"beam{k + 1}_noise_dbm": one for k, one in enumerate(noise)}
-        row = Row(
-            position=position,
-            time_ns=time_ns,
-            velocity=list(velocity),
-            valid=valid,
-            range_m=[one if one >= 0.0 else NAN for one in distance],
-            quality=list(rssi),
-            instrument=[x, y, z],
-            verdict=int(verdict) if isinstance(verdict, bool) else -1,
-            stale=stale,
-            extra={"altitude_m": altitude if altitude >= 0.0 else NAN, "instrument_sd_mps": fom, **noises},
-            sent_ns=sent_ns,
-            water_m=WATER_RANGE_M if through_water else None,
-        )
+        beams_of = [[_float(value) for value in one or _NONE] for one in block]
+        own = [_float(report.get(name)) for name in _OF_REPORT]
+        row = row_of(position, time_ns, beams_of, own, sent_ns, through_water=through_water)
+        row.valid, row.stale = valid, stale
+        row.verdict = int(verdict) if isinstance(verdict, bool) else -1
         self.rows.append(row)
 
 

@@ -18,7 +18,7 @@ from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.decoder import Format, LineDecoder, Row
 from bottomlock.io.rows import NAN
 from bottomlock.io.sentences import crc8_of, number, whole
-from bottomlock.io.waterlinked_json import WATER_RANGE_M
+from bottomlock.io.waterlinked_json import row_of
 
 _BEAMS = 4
 _MISSING = 1.5
@@ -239,7 +239,7 @@ class _Decoder(LineDecoder):
         """The rows of pings whose interval is known; a beam is lost where its distance is negative."""
         rows = []
         for ping in pings:
-            *axes, altitude, fom, interval_ms = ping.velocity
+            *own, interval_ms = ping.velocity
             if not abs(interval_ms) <= 1e9:
                 self.account.skip("no interval since the last report", ping.position)
                 continue
@@ -247,25 +247,10 @@ class _Decoder(LineDecoder):
                 self.account.flag("transducer report missing", ping.position)
             self._sum_ns += round(interval_ms * 1e6)
             lost = [[NAN] * 4] * (_BEAMS - len(ping.beams))
-            velocity, distance, rssi, noise = map(list, zip(*ping.beams, *lost, strict=True))
-            noises = {f"beam{k + 1}_noise_dbm": one for k, one in enumerate(noise)}
-            row = Row(
-                position=ping.position,
-                time_ns=(ping.validity_us or 0) * 1000 if absolute else self._sum_ns,
-                velocity=velocity,
-                valid=[one >= 0.0 for one in distance],
-                range_m=[one if one >= 0.0 else NAN for one in distance],
-                quality=rssi,
-                instrument=axes,
-                verdict=ping.verdict,
-                extra={
-                    "altitude_m": altitude if altitude >= 0.0 else NAN,
-                    "instrument_sd_mps": fom,
-                    **noises,
-                },
-                sent_ns=ping.sent_us * 1000 if absolute and ping.sent_us is not None else None,
-                water_m=WATER_RANGE_M if ping.water else None,
-            )
+            time_ns = (ping.validity_us or 0) * 1000 if absolute else self._sum_ns
+            sent_ns = ping.sent_us * 1000 if absolute and ping.sent_us is not None else None
+            row = row_of(ping.position, time_ns, [*ping.beams, *lost], own, sent_ns, through_water=ping.water)
+            row.verdict = ping.verdict
             rows.append(row)
         return rows
 

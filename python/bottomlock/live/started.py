@@ -308,25 +308,16 @@ def start(
         ScenarioError: for an unknown name, section or key, a value out of range, a key that is given twice, and a start
             that nobody gives.
     """
-    _each_is_given_once(heading_deg, heading_sd_deg, sections)
     name = RECOMMENDED_METHOD if method is None else _method(method)
-    beginning: dict[str, Any] = {}
-    if heading_deg is not None:
-        beginning = {"heading_deg": heading_deg, "heading_sd_deg": HEADING_SD_DEG}
-    if heading_sd_deg is not None:
-        beginning["heading_sd_deg"] = heading_sd_deg
-    content: dict[str, Any] = {
-        "depth": {},
-        **sections,
-        "dvl": _dvl(dvl),
-        "imu": _imu(imu),
-        "origin": {"latitude_deg": latitude_deg, **(sections.get("origin") or {})},
-        "start": {**beginning, **(sections.get("start") or {})},
-        "navigation": {
-            "method": name if name in METHODS else RECOMMENDED_METHOD,
-            **(sections.get("navigation") or {}),
-        },
+    arguments: dict[str, dict[str, Any]] = {
+        "origin": {"latitude_deg": latitude_deg},
+        "start": {"heading_deg": heading_deg, "heading_sd_deg": heading_sd_deg},
+        "navigation": {"method": name if name in METHODS else RECOMMENDED_METHOD},
     }
+    content: dict[str, Any] = {"depth": {}, **sections, "dvl": _dvl(dvl), "imu": _imu(imu)}
+    content |= {section: _joined(section, keys, sections.get(section)) for section, keys in arguments.items()}
+    if heading_deg is not None:
+        content["start"].setdefault("heading_sd_deg", HEADING_SD_DEG)
     try:
         config = NavigatorConfig.model_validate(
             {key: value for key, value in content.items() if value is not None}
@@ -346,29 +337,17 @@ def start(
     return StartedNavigator(config, instrument, settings)
 
 
-def _each_is_given_once(
-    heading_deg: float | None, heading_sd_deg: float | None, sections: Mapping[str, Any]
-) -> None:
-    """Checks that no key of a section is an argument at the same time."""
-    for section in ("origin", "start", "navigation"):
-        keys = sections.get(section)
-        if keys is not None and not isinstance(keys, Mapping):
-            raise ScenarioError(
-                f"{section} is {keys!r}",
-                place=PLACE,
-                expected=f'keys of [{section}], as depth={{"sd_m": 0.1}}',
-            )
-    twice = {
-        "latitude_deg": ("origin", True),
-        "heading_deg": ("start", heading_deg is not None),
-        "heading_sd_deg": ("start", heading_sd_deg is not None),
-        "method": ("navigation", True),
-    }
-    for key, (section, is_argument) in twice.items():
-        if is_argument and key in (sections.get(section) or {}):
-            raise ScenarioError(
-                "is given", place=PLACE, key=f"'{section}.{key}'", expected=f"the argument {key} alone"
-            )
+def _joined(section: str, arguments: Mapping[str, Any], keys: object) -> dict[str, Any]:
+    """The keys of a section with the arguments that are given; no key is both."""
+    if keys is not None and not isinstance(keys, Mapping):
+        expected = f'keys of [{section}], as depth={{"sd_m": 0.1}}'
+        raise ScenarioError(f"{section} is {keys!r}", place=PLACE, expected=expected)
+    given = {key: value for key, value in arguments.items() if value is not None}
+    for key in given.keys() & (keys or {}).keys():
+        raise ScenarioError(
+            "is given", place=PLACE, key=f"'{section}.{key}'", expected=f"the argument {key} alone"
+        )
+    return given | dict(keys or {})
 
 
 def _method(method: AnyMethod) -> str:
