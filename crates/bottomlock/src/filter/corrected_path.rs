@@ -10,6 +10,10 @@
 //! The first time this is taken as δr + B ρ with B = −[δr̂×] (docs/linear_range.md), which is enough for small angles. Where the
 //! correction of the yaw moves by it, it is linearised again at the estimate that it gives, A δr + B ρ + c: Gauss and Newton's
 //! method (Bell & Cathey 1993). A fix that does not move the yaw has the bits of the first time.
+//!
+//! Any other update that corrects the position by δr̂ turns the path behind it alike: with ξ = Exp(−ρ)(p̂ + r − r̂) − p̂, whose rate is
+//! R̂ δv exactly, the linear error becomes δr + ρ × δr̂. Where that is not small against σ, as when beams return after minutes
+//! without any, P follows it ([`Eskf::path_moved_far`]).
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, SMatrix, Vector3};
 
@@ -27,6 +31,11 @@ const YAW_MOVES: f64 = 0.1;
 /// Correction of the yaw, in standard deviations before the update, beyond which a fix is judged as it is: an outlier must not
 /// find a yaw that explains it.
 const PLAUSIBLE: f64 = 3.0;
+
+/// Part of a position's sigma by which a path has to move for the error state to follow an update of anything but a position. Set on
+/// lawn mowers after outages of 1 to 3 min; straight legs and figures of eight have the same gain. From 0.1 to 0.5 it is one result, at 1
+/// half the gain is lost, since several pings share a correction.
+const PATH_MOVES: f64 = 0.5;
 
 const YAW: (usize, usize) = (ATTITUDE + 2, ATTITUDE + 2);
 
@@ -63,6 +72,25 @@ impl Eskf {
             *innovation = along(&at_estimate, self.path_at(&after.error));
             before = after;
         }
+    }
+
+    /// The path that an update of anything else has corrected, where the misalignment that is left moves it far.
+    pub(super) fn path_moved_far(&self, correction: &ErrorVector) -> Option<CorrectedPath> {
+        let variances = self.covariance.diagonal();
+        let [position, misalignment] = [POSITION, ATTITUDE].map(|block| variances.fixed_rows::<3>(block));
+        let moved_m2 = correction.fixed_rows::<3>(POSITION).norm_squared();
+        let far = PATH_MOVES * PATH_MOVES;
+        if moved_m2 * misalignment.sum() <= far * position.min() {
+            return None;
+        }
+        let by_misalignment = self.path_by_misalignment(correction);
+        let misalignment = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE);
+        let moves = (by_misalignment * misalignment * by_misalignment.transpose()).diagonal();
+        (0..3).any(|k| moves[k] > far * position[k]).then(|| CorrectedPath {
+            by_position: None,
+            by_misalignment,
+            offset_t_m: Vector3::zeros(),
+        })
     }
 
     /// Moves an error state to the path that a position has corrected: δr ← A δr + B ρ + c.

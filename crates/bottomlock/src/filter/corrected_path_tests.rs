@@ -6,6 +6,7 @@ use nalgebra::SMatrix;
 use super::*;
 use crate::aiding::depth::depth;
 use crate::aiding::position::position;
+use crate::aiding::velocity::velocity;
 use crate::filter::gate::Gate;
 use crate::filter::options::Options;
 use crate::filter::report::Sensor;
@@ -141,6 +142,41 @@ fn the_path_is_the_tangent_of_the_exact_one() {
     assert_eq!(path.by_misalignment.row(2), filter.path_by_misalignment(&error).row(2));
     assert_eq!(path.by_position.unwrap().row(2), RowVector3::new(0.0, 0.0, 1.0));
     assert_eq!(path.offset_t_m.z, 0.0);
+}
+
+/// By hand: σ 100 m and 1 m/s north, which are one error, and yaw 0.2 rad. A velocity that is 1 m/s off corrects the north by 100 m, and
+/// with it 20 m of east become the yaw's; of 0.1 m/s it is 2 m, less than half of the 8 m that the east has.
+#[test]
+fn a_velocity_that_corrects_the_way_moves_it_by_the_yaw() {
+    for (gained_mps, east_m2) in [(1.0, 64.0 + 400.0), (0.1, 64.0)] {
+        let mut filter = filter(0.2);
+        let mut covariance = Covariance::identity() * 1e-12;
+        let (north, east, ahead) = (POSITION, POSITION + 1, VELOCITY);
+        for (k, sd) in [
+            (north, 100.0),
+            (east, 8.0),
+            (POSITION + 2, 8.0),
+            (ahead, 1.0),
+            (YAW.0, 0.2),
+        ] {
+            covariance[(k, k)] = sd * sd;
+        }
+        covariance[(north, ahead)] = 100.0 * (1.0 - 1e-9);
+        covariance[(ahead, north)] = covariance[(north, ahead)];
+        filter.set_covariance(&covariance).unwrap();
+        let velocity_mps = filter.state().velocity_p_mps.0 + Vector3::new(gained_mps, 0.0, 0.0);
+        let velocity_mps = Vec3::from_array(velocity_mps.into());
+        let innovation = velocity(&filter.state(), &velocity_mps, &(Matrix3::identity() * 1e-6));
+        assert!(filter.update(&innovation, Sensor::Velocity).unwrap().was_used());
+        let (after, is_far) = (filter.covariance(), gained_mps > 0.5);
+        assert!(
+            (after[(east, east)] / east_m2 - 1.0).abs() < 1e-4,
+            "{}",
+            after[(east, east)]
+        );
+        let by_yaw = if is_far { 0.04 * 100.0 } else { 0.0 };
+        assert!((after[(east, YAW.0)] - by_yaw).abs() < 1e-3, "{}", after[(east, YAW.0)]);
+    }
 }
 
 /// With a yaw that is certain, and so without any way by it, an update is finite and turns nothing.

@@ -204,7 +204,6 @@ fn as_many_rows_as_a_measurement_has() {
             ..Innovation::empty()
         };
         for row in 0..rows {
-            innovation.residual[row] = value(row, 2);
             innovation.jacobian[(row, row)] = 1.0;
             innovation.noise[(row, row)] = 1.0;
         }
