@@ -15,11 +15,10 @@ from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
-from bottomlock.replay.findings.evidence import Evidence, Reference, against_reference
 from bottomlock.replay.findings.limits import FALSE_ALARM, LIMIT, TIMES
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import Sway, _own
-from bottomlock.replay.findings.trust import answer_of
+from bottomlock.replay.findings.trust import Evidence, Reference, against_reference, answer_of
 from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
 from bottomlock.replay.run import replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT

@@ -54,6 +54,10 @@ class Inertial:
     force_p_mps2: Floats
     omega_p_radps: Floats
 
+    def rows(self, rows: slice | Integers) -> Inertial:
+        """Some of them."""
+        return Inertial(self.time_ns[rows], self.force_p_mps2[rows], self.omega_p_radps[rows])
+
 
 def integrals(time_ns: Times, values: Floats, edges_ns: Times) -> Floats:
     """(m − 1, 3) integrals between edges (m,) of readings (n, 3) at times (n,), straight from one to the next."""

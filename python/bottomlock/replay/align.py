@@ -1,6 +1,7 @@
 """Initial alignment of a replay: each part of the state from the source that the case names, with its 1 sigma."""
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,19 +22,16 @@ BLOCKS = 10
 """Number of blocks of a window: scatter slower than the sampling then still counts."""
 
 
-@dataclass(frozen=True, eq=False)
-class Mean:
-    """Mean (3,) and its standard deviation (3,)."""
+def mean_over(values: Floats, section: str, window_s: float) -> tuple[Floats, Floats]:
+    """Mean (3,) of (n, 3) readings and its standard deviation (3,), from the means of ten consecutive blocks.
 
-    value: Floats
-    sd: Floats
-
-
-def mean_over(values: Floats, section: str, window_s: float) -> Mean:
-    """Mean of (n, 3) readings and its standard deviation from the scatter of the means of ten blocks.
+    Readings of a vehicle in waves are correlated; means over a tenth of the window are nearly independent.
 
     Raises:
         DataError: for fewer readings than blocks.
+
+    >>> [part.tolist() for part in mean_over(np.tile([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], (50, 1)), "imu", 10.0)]
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     """
     if len(values) < BLOCKS:
         raise DataError(
@@ -41,19 +39,17 @@ def mean_over(values: Floats, section: str, window_s: float) -> Mean:
             expected=f"{BLOCKS} or more",
             hint="lengthen start.window_s or set a later start.at_s",
         )
-    return Mean(values.mean(axis=0), scatter_of_mean(values))
-
-
-def scatter_of_mean(values: Floats) -> Floats:
-    """(3,) standard deviation of the mean, from the means of ten consecutive blocks.
-
-    Readings of a vehicle in waves are correlated; means over a tenth of the window are nearly independent.
-
-    >>> scatter_of_mean(np.tile([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], (50, 1))).tolist()
-    [0.0, 0.0, 0.0]
-    """
     blocks = np.stack([block.mean(axis=0) for block in np.array_split(values, BLOCKS)])
-    return np.asarray(blocks.std(axis=0, ddof=1) / np.sqrt(BLOCKS))
+    return values.mean(axis=0), np.asarray(blocks.std(axis=0, ddof=1) / np.sqrt(BLOCKS))
+
+
+T = TypeVar("T")
+
+
+def _given(part: T | None) -> T:
+    """What the case has, as it was validated."""
+    assert part is not None
+    return part
 
 
 NEEDS_WINDOW = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
@@ -101,10 +97,15 @@ class _AlignmentInputs:
     reference_row: int | None
 
     @property
+    def window_ns(self) -> int:
+        """Begin of the window before the start."""
+        return self.start_ns - round(self.case.start.window_s * 1e9)
+
+    @property
     def window(self) -> Inertial:
         """IMU readings of the window before the start."""
-        inertial = self.streams.inertial
-        return _between(inertial, self.start_ns - round(self.case.start.window_s * 1e9), self.start_ns)
+        times = self.streams.inertial.time_ns
+        return self.streams.inertial.rows(slice(*np.searchsorted(times, [self.window_ns, self.start_ns + 1])))
 
 
 def align(case: Case, streams: Streams, imu: ImuModel, gravity_mps2: float) -> Alignment:
@@ -169,33 +170,24 @@ def start_time(case: Case, streams: Streams) -> tuple[int, int | None]:
             raise DataError(
                 f"is {start.at_s:g} s",
                 key="start.at_s",
-                expected=(
-                    f"{start.window_s:g} s (start.window_s) or more: the alignment averages the "
-                    "readings before the start"
-                ),
+                expected=f"{start.window_s:g} s (start.window_s) or more: the alignment averages the readings before "
+                "the start",
             )
     if earliest >= times[-1]:
         raise DataError(
-            (
-                f"ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the "
-                f"start at {(earliest - times[0]) * 1e-9:.3f} s"
-            ),
+            f"ends {(times[-1] - times[0]) * 1e-9:.3f} s after its first reading, before the start at "
+            f"{(earliest - times[0]) * 1e-9:.3f} s",
             place=case.motion_file,
         )
     if not start.from_reference:
         return int(times[np.searchsorted(times, earliest)]), None
-    assert streams.reference is not None  # validated in Case
-    row = int(np.searchsorted(streams.reference.time_ns, earliest))
-    if row == len(streams.reference.time_ns) or streams.reference.time_ns[row] >= times[-1]:
+    stamps = _given(streams.reference).time_ns
+    row = int(np.searchsorted(stamps, earliest))
+    if row == len(stamps) or stamps[row] >= times[-1]:
         raise DataError(
             "has no row between the start and the end of the inertial readings", key="[reference]"
         )
-    return int(streams.reference.time_ns[row]), row
-
-
-def _between(inertial: Inertial, from_ns: int, to_ns: int) -> Inertial:
-    rows = slice(*np.searchsorted(inertial.time_ns, [from_ns, to_ns + 1]))
-    return Inertial(inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows])
+    return int(stamps[row]), row
 
 
 def _latest(times: Times, inputs: _AlignmentInputs, section: str, age_s: float) -> int:
@@ -223,12 +215,11 @@ def _level(inputs: _AlignmentInputs) -> tuple[float, float, float, str]:
         return float(angles[0]), float(angles[1]), np.nan, "from the reference"
     if start.level == "attitude":
         angles, source = _recorded_angles(inputs)
-        stream = inputs.case.attitude
-        assert stream is not None  # validated in Case
-        return float(angles[0]), float(angles[1]), float(np.deg2rad(stream.start_roll_pitch_sd_deg)), source
-    force = mean_over(inputs.window.force_p_mps2, "imu", inputs.case.start.window_s)
-    roll, pitch = level_from_force(force.value)
-    sd = float(np.hypot(inputs.imu.accel_bias_sd_mps2, force.sd.max())) / inputs.gravity_mps2
+        sd = float(np.deg2rad(_given(inputs.case.attitude).start_roll_pitch_sd_deg))
+        return float(angles[0]), float(angles[1]), sd, source
+    force, force_sd = mean_over(inputs.window.force_p_mps2, "imu", inputs.case.start.window_s)
+    roll, pitch = level_from_force(force)
+    sd = float(np.hypot(inputs.imu.accel_bias_sd_mps2, force_sd.max())) / inputs.gravity_mps2
     return roll, pitch, sd, f"levelled by the accelerometers over {start.window_s:g} s"
 
 
@@ -241,9 +232,7 @@ def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float
         return float(_reference_angles(inputs)[2]), np.nan, "from the reference"
     if start.heading == "attitude":
         angles, source = _recorded_angles(inputs)
-        stream = inputs.case.attitude
-        assert stream is not None  # validated in Case
-        return float(angles[2]), float(np.deg2rad(stream.start_yaw_sd_deg)), source
+        return float(angles[2]), float(np.deg2rad(_given(inputs.case.attitude).start_yaw_sd_deg)), source
     if start.heading == "magnetometer":
         return _magnetic(inputs, roll, pitch)
     if start.heading == "gps_course":
@@ -252,16 +241,11 @@ def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float
 
 
 def _reference_angles(inputs: _AlignmentInputs) -> Floats:
-    reference = inputs.streams.reference
-    assert reference is not None  # validated in Case
-    assert reference.attitude is not None
-    assert inputs.reference_row is not None
-    return to_angles(reference.attitude[inputs.reference_row])
+    return to_angles(_given(_given(inputs.streams.reference).attitude)[_given(inputs.reference_row)])
 
 
 def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
-    recorded = inputs.streams.attitudes
-    assert recorded is not None  # validated in Case
+    recorded = _given(inputs.streams.attitudes)
     if isinstance(inputs.case.imu, ImuFromAttitude):
         # The readings turn from the attitude of this very time.
         now = attitude_between(recorded)(np.array([inputs.start_ns]))
@@ -277,26 +261,18 @@ def _level_frame(roll: float, pitch: float, vector_p: Floats) -> Floats:
 
 
 def _magnetic(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
-    magnetic_fields, stream = inputs.streams.magnetic_fields, inputs.case.magnetometer
-    assert magnetic_fields is not None  # validated in Case
-    assert stream is not None
-    rows = slice(*np.searchsorted(magnetic_fields.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
-    mean = mean_over(magnetic_fields.field_p[rows], "magnetometer", inputs.case.start.window_s)
-    north, east, _ = _level_frame(roll, pitch, mean.value)
+    fields, stream = _given(inputs.streams.magnetic_fields), _given(inputs.case.magnetometer)
+    rows = slice(*np.searchsorted(fields.time_ns, [inputs.window_ns, inputs.start_ns + 1]))
+    mean, _ = mean_over(fields.field_p[rows], "magnetometer", inputs.case.start.window_s)
+    north, east, _ = _level_frame(roll, pitch, mean)
     heading = float(np.arctan2(-east, north) + np.deg2rad(stream.declination_deg))
     source = f"magnetic over {inputs.case.start.window_s:g} s, declination {stream.declination_deg:g} deg"
     return heading, float(np.deg2rad(stream.heading_sd_deg)), source
 
 
-def _window_ns(inputs: _AlignmentInputs) -> int:
-    return inputs.start_ns - round(inputs.case.start.window_s * 1e9)
-
-
 def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
-    positions, stream = inputs.streams.gps, inputs.case.gps
-    assert positions is not None  # validated in Case
-    assert stream is not None
-    rows = np.arange(*np.searchsorted(positions.time_ns, [_window_ns(inputs), inputs.start_ns + 1]))
+    positions, stream = _given(inputs.streams.gps), _given(inputs.case.gps)
+    rows = np.arange(*np.searchsorted(positions.time_ns, [inputs.window_ns, inputs.start_ns + 1]))
     if len(rows) < 2:
         raise DataError(
             f"has {len(rows)} positions in the window before the start", key="[gps]", expected="2 or more"
@@ -307,9 +283,7 @@ def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
     if baseline_m < 2.0 * baseline_sd_m:
         raise DataError(
             f'start.heading = "gps_course": the antenna moved {baseline_m:.2f} m over the window',
-            expected=(
-                f"more than {2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known"
-            ),
+            expected=f"more than {2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known",
             hint="lengthen start.window_s or use another source",
         )
     source = f"GPS course over {baseline_m:.1f} m, heading taken equal to it"
@@ -322,30 +296,22 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
 
     Source: Titterton and Weston 2004, section 10.5.
     """
-    window = inputs.window
-    rate = mean_over(window.omega_p_radps, "imu", inputs.case.start.window_s)
-    if float(np.linalg.norm(rate.value)) > MAX_RATE_AT_REST_RADPS:
+    rate, rate_sd = mean_over(inputs.window.omega_p_radps, "imu", inputs.case.start.window_s)
+    size = float(np.linalg.norm(rate))
+    if size > MAX_RATE_AT_REST_RADPS:
         raise DataError(
-            (
-                'start.heading = "gyrocompass": the mean rate is '
-                f"{np.rad2deg(np.linalg.norm(rate.value)):.3g} deg/s over the window"
-            ),
+            f'start.heading = "gyrocompass": the mean rate is {np.rad2deg(size):.3g} deg/s over the window',
             expected=f"less than {np.rad2deg(MAX_RATE_AT_REST_RADPS):.2g}: the vehicle must be at rest",
         )
-    north, east, _ = _level_frame(roll, pitch, rate.value)
+    north, east, _ = _level_frame(roll, pitch, rate)
     horizontal = EARTH_RATE_RADPS * float(np.cos(inputs.streams.latitude_rad))
     heading = float(np.arctan2(-east, north))
-    error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate.sd.max()))
+    error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate_sd.max()))
     if error > 0.5 * horizontal:
         raise DataError(
-            (
-                f'start.heading = "gyrocompass": the mean rate has an error of {error:.2g} rad/s '
-                "(bias and scatter)"
-            ),
-            expected=(
-                f"at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros "
-                "are not accurate enough, or start.window_s is too short"
-            ),
+            f'start.heading = "gyrocompass": the mean rate has an error of {error:.2g} rad/s (bias and scatter)',
+            expected=f"at most half the Earth's horizontal rate here, {horizontal:.2g} rad/s: the gyros are not "
+            "accurate enough, or start.window_s is too short",
         )
     return heading, error / horizontal, f"gyrocompass over {inputs.case.start.window_s:g} s"
 
@@ -354,14 +320,10 @@ def _position(inputs: _AlignmentInputs, attitude: Rotation) -> tuple[Floats, Flo
     start = inputs.case.start
     given_sd = np.zeros(3) if start.position_sd_m is None else np.array(start.position_sd_m)
     if start.position == FROM_REFERENCE:
-        reference = inputs.streams.reference
-        assert reference is not None  # validated in Case
-        assert reference.position_t_m is not None
-        return reference.position_t_m[inputs.reference_row], given_sd, "from the reference"
+        position = _given(_given(inputs.streams.reference).position_t_m)
+        return position[inputs.reference_row], given_sd, "from the reference"
     if start.position == "gps":
-        positions, stream = inputs.streams.gps, inputs.case.gps
-        assert positions is not None  # validated in Case
-        assert stream is not None
+        positions, stream = _given(inputs.streams.gps), _given(inputs.case.gps)
         row = _latest(positions.time_ns, inputs, "gps", 5.0)
         sd = np.array(stream.position_sd_m) if start.position_sd_m is None else given_sd
         return positions.position_t_m[row] - attitude.apply(np.array(stream.lever_arm_m)), sd, "from GPS"
@@ -372,17 +334,15 @@ def _velocity(inputs: _AlignmentInputs) -> tuple[Floats, Floats, str]:
     start, streams = inputs.case.start, inputs.streams
     sd = np.array(start.velocity_sd_mps)
     if start.velocity == FROM_REFERENCE:
-        reference = streams.reference
-        assert reference is not None  # validated in Case
-        assert reference.velocity_p_mps is not None
-        return reference.velocity_p_mps[inputs.reference_row], sd, "from the reference"
+        velocity = _given(_given(streams.reference).velocity_p_mps)
+        return velocity[inputs.reference_row], sd, "from the reference"
     if start.velocity == "given":
         return np.array(start.velocity_mps), sd, "given"
     beams, geometry = streams.beams, streams.instrument.geometry
     row = _latest(beams.time_ns, inputs, "dvl", PING_AGE_S)
     inertial = streams.inertial
     nearest = int(np.searchsorted(inertial.time_ns, beams.time_ns[row]).clip(0, len(inertial.time_ns) - 1))
-    ping = slice(row, row + 1)
+    ping, age = slice(row, row + 1), (inputs.start_ns - int(beams.time_ns[row])) * 1e-9
     fix = solve_velocity(
         geometry,
         beams.velocity_mps[ping],
@@ -393,14 +353,9 @@ def _velocity(inputs: _AlignmentInputs) -> tuple[Floats, Floats, str]:
     )
     if not np.isfinite(fix.velocity_p_mps).all():
         raise DataError(
-            (
-                'start.velocity = "beams": the ping '
-                f"{(inputs.start_ns - beams.time_ns[row]) * 1e-9:.3f} s before the start has too "
-                "few valid beams for a velocity"
-            ),
+            f'start.velocity = "beams": the ping {age:.3f} s before the start has too few valid beams for a velocity',
             hint="move start.at_s or give start.velocity_mps",
         )
-    age = (inputs.start_ns - int(beams.time_ns[row])) * 1e-9
     # The stated velocity_sd_mps covers the change of speed since the ping.
     solved_sd = np.sqrt(np.diagonal(fix.cov_m2ps2[0]) + sd**2)
     return fix.velocity_p_mps[0], solved_sd, f"least squares over the ping {age:.3f} s before"

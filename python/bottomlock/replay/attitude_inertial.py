@@ -29,15 +29,12 @@ def inertial_of(
             "has a single row", key="[attitude]", expected='two or more with imu.source = "attitude"'
         )
     longest_s = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
-    refused = longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse"
-    if refused:
+    if longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse":
         raise DataError(
             f"the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text})",
             place="[attitude]",
-            expected=(
-                f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s: set it to bridge "
-                "the gap by a turn at a constant rate"
-            ),
+            expected=f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s",
+            hint="set it to bridge the gap by a turn at a constant rate",
         )
     whole_s = max(imu.bridge_gaps_s, report.gap_s)
     time_ns, attitude = divided(attitudes.time_ns, attitudes.attitude, longest_interval_s=whole_s)
@@ -54,14 +51,24 @@ def inertial_of(
 
 def complete_pings(streams: Streams, beams: Beams) -> tuple[Times, Floats]:
     """Times (p,) and velocities (p, 3) of the IMU, platform frame, of the pings whose beams determine all of it."""
-    geometry, inertial = streams.instrument.geometry, streams.inertial
+    time_ns, velocity = whole_pings(streams, beams)
+    return time_ns, at_imu(streams, streams.inertial, time_ns, velocity)
+
+
+def whole_pings(streams: Streams, beams: Beams) -> tuple[Times, Floats]:
+    """The same of the DVL itself."""
+    geometry = streams.instrument.geometry
     time_ns, velocity = ping_velocity(
         np.asarray(geometry.directions_p), beams.time_ns, np.nan_to_num(beams.velocity_mps), beams.valid
     )
-    velocity = velocity / geometry.sound_speed_scale
-    lever = np.asarray(geometry.lever_arms_p_m).mean(axis=0)
+    return time_ns, velocity / geometry.sound_speed_scale
+
+
+def at_imu(streams: Streams, inertial: Inertial, time_ns: Times, velocity_p_mps: Floats) -> Floats:
+    """(p, 3) velocities carried from the DVL to the IMU over the stated lever arm, with the next reading's rate."""
+    lever = np.asarray(streams.instrument.geometry.lever_arms_p_m).mean(axis=0)
     at = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
-    return time_ns, velocity - np.cross(inertial.omega_p_radps[at], lever)
+    return np.asarray(velocity_p_mps - np.cross(inertial.omega_p_radps[at], lever))
 
 
 def with_persistence(case: Case, streams: Streams, valid: Flags) -> Inertial:

@@ -39,8 +39,11 @@ def calibration_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
         value = np.append(result["calibration"][index, -1], result["dvl_scale"][index, -1])
         # The scale factor is the last of the error states.
         sd = np.append(result["calibration_sd"][index, -1], result["sd"][index, -1, STATES - 1])
-        keys = {"case": case.name, "what_if": what_if, "method": method}
-        columns: dict[str, Any] = {key: [word] * len(PARAMETERS) for key, word in keys.items()}
+        columns: dict[str, Any] = {
+            "case": [case.name] * len(PARAMETERS),
+            "what_if": what_if,
+            "method": method,
+        }
         columns |= {"parameter": PARAMETERS, "unit": UNITS}
         columns |= {"value": value * _TO_UNITS, "sd": sd * _TO_UNITS, "prior_sd": _prior(rerun) * _TO_UNITS}
         parts.append(pl.DataFrame(columns, schema=dict(CALIBRATION)))
@@ -90,11 +93,10 @@ def writing_method(case: Case, instrument: Instrument) -> str:
     method = next((name for name in WRITES if name in case.replay.methods), None)
     if method is None or case.calibration.prior(instrument.calibration) == Calibration():
         raise ScenarioError(
-            (
-                "no calibration to write: expected a section [calibration] with mounting_sd_deg or "
-                f"clock_sd_s, and one of the methods {', '.join(WRITES)}"
-            ),
+            "no calibration to write",
             place=f"case {case.name}",
+            expected="a section [calibration] with mounting_sd_deg or clock_sd_s, and one of the methods "
+            f"{', '.join(WRITES)}",
         )
     return method
 

@@ -1,6 +1,7 @@
 """Times of a table's rows on the case's clock, and their faults: repeats, steps back, gaps, jumps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,10 @@ class ClockReport:
     max_stamp_deviation_s: float | None = None
     gap_s: float = 0.0
 
+    def to_json(self) -> dict[str, Any]:
+        """Numbers as they are, and faults in words."""
+        return {key: value.text if isinstance(value, Fault) else value for key, value in vars(self).items()}
+
 
 @dataclass(frozen=True, eq=False)
 class TimedRows:
@@ -109,8 +114,8 @@ def row_times(stamps_ns: NDArray[np.int64] | None, rows: int, clock: Clock, *, p
         median_step_s=median,
         repeats=repeats,
         backward=backward,
-        gaps=_long_steps(steps_s, kept, time_ns, gap_s, clock.jump_s),
-        jumps=_long_steps(steps_s, kept, time_ns, clock.jump_s, np.inf),
+        gaps=_long_steps(steps_s, kept, times, gap_s, clock.jump_s),
+        jumps=_long_steps(steps_s, kept, times, clock.jump_s, np.inf),
         max_stamp_deviation_s=deviation_s,
         gap_s=gap_s,
     )
@@ -127,15 +132,10 @@ def _even_rate_times(
     worst = int(np.argmax(deviation))
     if deviation[worst] > round(clock.steady_within_s * 1e9):
         raise DataError(
-            (
-                f"row {worst} is stamped {(delay[worst] - offset) * 1e-9:+.4f} s off an even rate "
-                f"of {clock.rate_hz:g} Hz"
-            ),
+            f"row {worst} is stamped {(delay[worst] - offset) * 1e-9:+.4f} s off an even rate of {clock.rate_hz:g} Hz",
             place=place,
-            expected=(
-                f"within clock.steady_within_s = {clock.steady_within_s:g} s: rows are missing, or "
-                "clock.rate_hz is wrong"
-            ),
+            expected=f"within clock.steady_within_s = {clock.steady_within_s:g} s: rows are missing, or clock.rate_hz "
+            "is wrong",
         )
     return even + offset, float(deviation[worst]) * 1e-9
 
@@ -162,6 +162,7 @@ def _rising(times: NDArray[np.int64], clock: Clock, place: str) -> tuple[NDArray
 
 
 def _fault(rows: NDArray[np.int64], times: NDArray[np.int64]) -> Fault:
+    """Of rows of the file, and the times of all its rows."""
     if not rows.size:
         return Fault()
     return Fault(int(rows.size), int(rows[0]), float(times[rows[0]]) * 1e-9)
@@ -170,15 +171,12 @@ def _fault(rows: NDArray[np.int64], times: NDArray[np.int64]) -> Fault:
 def _long_steps(
     steps_s: NDArray[np.float64],
     rows: NDArray[np.int64],
-    time_ns: NDArray[np.int64],
+    times: NDArray[np.int64],
     longer_s: float,
     until_s: float,
 ) -> Fault:
     """Steps longer than `longer_s` and up to `until_s`, located by the row after the step."""
-    found = np.flatnonzero((steps_s > longer_s) & (steps_s <= until_s))
-    if not found.size:
-        return Fault()
-    first = int(found[0])
-    return Fault(
-        int(found.size), int(rows[first + 1]), float(time_ns[first + 1]) * 1e-9, float(steps_s[found].max())
+    long = (steps_s > longer_s) & (steps_s <= until_s)
+    return replace(
+        _fault(rows[1:][long], times), longest_s=float(steps_s[long].max()) if long.any() else None
     )

@@ -38,11 +38,8 @@ def filter_passes(case: Case, rerun: Rerun) -> Iterator[tuple[str, str, dict[str
     if rerun.reckoned is not None:
         yield FORWARD, DEAD_RECKONING, dict(rerun.reckoned)
     for index, method in enumerate(rerun.smoothed_methods):
-        yield (
-            SMOOTHED,
-            method,
-            {name: np.asarray(rerun.smoothed[f"smoothed_{name}"][index]) for name in names},
-        )
+        states = {name: np.asarray(rerun.smoothed[f"smoothed_{name}"][index]) for name in names}
+        yield SMOOTHED, method, states
 
 
 def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
@@ -50,18 +47,18 @@ def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     parts = []
     prepared = rerun.prepared
     for name, method, states in filter_passes(case, rerun):
-        columns = _keys(case, what_if, len(prepared.sample_time_ns)) | {
-            "method": method,
-            "pass": name,
-        }
-        columns |= {"time_ns": prepared.sample_time_ns}
+        columns: dict[str, Any] = {"method": method, "pass": name, "time_ns": prepared.sample_time_ns}
         columns |= _estimate(states, prepared) | _errors(states, prepared)
-        parts.append(pl.DataFrame({key: columns[key] for key in REPLAY_SAMPLES}, schema=dict(REPLAY_SAMPLES)))
-    return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
+        parts.append(_table(case, what_if, columns, REPLAY_SAMPLES))
+    return pl.concat(parts)
 
 
-def _keys(case: Case, what_if: str, count: int) -> dict[str, Any]:
-    return {"case": [case.name] * count, "what_if": what_if}
+def _table(case: Case, what_if: str, columns: Mapping[str, Any], schema: Mapping[str, Any]) -> pl.DataFrame:
+    """Columns (n,) as a table, those of the case before them; what is no number is empty."""
+    count = max(len(values) for values in columns.values() if not isinstance(values, str))
+    every = {"case": [case.name] * count, "what_if": what_if} | dict(columns)
+    frame = pl.DataFrame({key: every[key] for key in schema}, schema=dict(schema))
+    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 def _estimate(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Floats]:
@@ -140,7 +137,7 @@ def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     schema = innovations_schema(beams)
     parts = []
     for index, method in enumerate(case.replay.filters):
-        columns = _keys(case, what_if, len(times)) | {
+        columns = {
             "method": method,
             "time_ns": times,
             "status": [FIX_STATUS[code] for code in result["fix_status"][index]],
@@ -150,8 +147,8 @@ def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
         for k in range(beams):
             columns[f"beam{k + 1}_innovation_mps"] = result["innovation_mps"][index][:, k]
             columns[f"beam{k + 1}_innovation_sd_mps"] = result["innovation_sd_mps"][index][:, k]
-        parts.append(pl.DataFrame({key: columns[key] for key in schema}, schema=schema))
-    return pl.concat(parts).with_columns(pl.col(pl.Float64).fill_nan(None))
+        parts.append(_table(case, what_if, columns, schema))
+    return pl.concat(parts)
 
 
 def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
@@ -159,23 +156,19 @@ def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     prepared = rerun.prepared
     beams = prepared.streams.beams
     times, velocity = beams.time_ns[prepared.pings], beams.velocity_mps[prepared.pings]
-    columns = _keys(case, what_if, len(times)) | {"time_ns": times}
+    columns: dict[str, Any] = {"time_ns": times}
     for k in range(velocity.shape[1]):
         columns[f"beam{k + 1}_mps"] = velocity[:, k]
         columns[f"beam{k + 1}_valid"] = rerun.valid[:, k]
-    schema = pings_schema(velocity.shape[1])
-    frame = pl.DataFrame({key: columns[key] for key in schema}, schema=schema)
-    return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
+    return _table(case, what_if, columns, pings_schema(velocity.shape[1]))
 
 
 def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """One row: inertial readings rejected, and gaps between them inflated (`tables.replay.IMU_FAULTS`)."""
     counts = rerun.result["imu_faults"]
-    columns = _keys(case, what_if, 1) | {
-        "imu_rejected": sum(counts.values()) - counts["inflated_gaps"],
-        "imu_gaps_inflated": counts["inflated_gaps"],
-    }
-    return pl.DataFrame({key: columns[key] for key in IMU_FAULTS}, schema=dict(IMU_FAULTS))
+    inflated = counts["inflated_gaps"]
+    columns = {"imu_rejected": [sum(counts.values()) - inflated], "imu_gaps_inflated": [inflated]}
+    return _table(case, what_if, columns, IMU_FAULTS)
 
 
 def path_table(streams: Streams) -> pl.DataFrame | None:
@@ -195,20 +188,14 @@ def path_table(streams: Streams) -> pl.DataFrame | None:
 
 def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
     """A row per method that uses the water and time (`tables.replay.CURRENTS`); empty where nothing measures it."""
-    empty = pl.DataFrame(schema=dict(CURRENTS))
-    sections = rerun.prepared.streams.through_water
-    if not sections:
-        return empty
-    parts = [empty]
-    times = rerun.prepared.sample_time_ns
+    parts, sections = [pl.DataFrame(schema=dict(CURRENTS))], rerun.prepared.streams.through_water
     for index, method in enumerate(case.replay.filters):
-        if not any(sensor.startswith(sections) for sensor in rerun.result["sensors"][index]):
+        if not any(sensor.startswith(sections) for sensor in rerun.result["sensors"][index] if sections):
             continue
         current = rerun.result["current_t_mps"][index]
         sd = np.sqrt(np.diagonal(rerun.result["current_covariance"][index], axis1=1, axis2=2))
-        keys = {"case": case.name, "what_if": what_if, "method": method}
-        columns: dict[str, Any] = {key: [word] * len(times) for key, word in keys.items()}
-        columns |= {"time_ns": times, "north_mps": current[:, 0], "east_mps": current[:, 1]}
+        columns = {"method": method, "time_ns": rerun.prepared.sample_time_ns}
+        columns |= {"north_mps": current[:, 0], "east_mps": current[:, 1]}
         columns |= {"sd_north_mps": sd[:, 0], "sd_east_mps": sd[:, 1]}
-        parts.append(pl.DataFrame(columns, schema=dict(CURRENTS)))
+        parts.append(_table(case, what_if, columns, CURRENTS))
     return pl.concat(parts)

@@ -128,11 +128,8 @@ def open_log(*files: str | Path, without: Sequence[str] = ()) -> Log:
     if isinstance(without, str):
         raise DataError(f"without is '{without}'", expected=f"a list of topics and messages: [{without!r}]")
     if not paths:
-        raise DataError(
-            "is given no file",
-            key="open_log",
-            expected="the log of a DVL and those of other sensors, or a case",
-        )
+        expected = "the log of a DVL and those of other sensors, or a case"
+        raise DataError("is given no file", key="open_log", expected=expected)
     if any(path.suffix == CASE for path in paths):
         if len(paths) > 1:
             raise DataError(

@@ -111,15 +111,9 @@ def _up_to_duration(case: Case, streams: Streams) -> Streams:
     """The recording up to `replay.duration_s` after the first inertial reading."""
     if case.replay.duration_s is None:
         return streams
-    inertial = streams.inertial
-    rows = slice(
-        0,
-        int(np.searchsorted(inertial.time_ns, inertial.time_ns[0] + round(case.replay.duration_s * 1e9) + 1)),
-    )
-    shorter = type(inertial)(
-        inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]
-    )
-    return replace(streams, inertial=shorter)
+    times = streams.inertial.time_ns
+    count = int(np.searchsorted(times, times[0] + round(case.replay.duration_s * 1e9) + 1))
+    return replace(streams, inertial=streams.inertial.rows(slice(count)))
 
 
 def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
@@ -136,22 +130,12 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
         return streams
     good = np.delete(np.arange(len(inertial.time_ns)), rejected["row"])
     if not good.size:
+        units = "attitude.unit" if isinstance(case.imu, ImuFromAttitude) else "imu.force_unit, imu.omega_unit"
         raise DataError(
-            (
-                f"every inertial reading is rejected, the first since {rejected['reason'][0]}: "
-                f"check {_units_of(case)} and imu.limits"
-            ),
+            f"every inertial reading is rejected, the first since {rejected['reason'][0]}: check {units}, imu.limits",
             place=case.motion_file,
         )
-    return replace(
-        streams,
-        inertial=Inertial(inertial.time_ns[good], inertial.force_p_mps2[good], inertial.omega_p_radps[good]),
-    )
-
-
-def _units_of(case: Case) -> str:
-    """The keys that state the units of the inertial readings, or of what they are made of."""
-    return "attitude.unit" if isinstance(case.imu, ImuFromAttitude) else "imu.force_unit, imu.omega_unit"
+    return replace(streams, inertial=inertial.rows(good))
 
 
 def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, Times]:
@@ -228,12 +212,8 @@ def returned(prepared: PreparedRun, what_if: WhatIf) -> Flags:
         DataError: for a what-if case that names a beam that does not exist.
     """
     beams = prepared.streams.beams
-    return beams_returned(
-        what_if,
-        beams.time_ns[prepared.pings],
-        beams.valid.shape[1],
-        start_ns=prepared.alignment.time_ns,
-    )
+    times, count = beams.time_ns[prepared.pings], beams.valid.shape[1]
+    return beams_returned(what_if, times, count, start_ns=prepared.alignment.time_ns)
 
 
 def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, threads: int = 1) -> Rerun:
@@ -258,31 +238,21 @@ def run_methods(case: Case, prepared: PreparedRun, what_if: WhatIf | None, *, th
 
     def filtered(methods: Sequence[str], *, smooth: bool) -> Any:  # noqa: ANN401 - the kernel's dict
         return replay_log(
-            prepared.streams.instrument.geometry,
-            prepared.model,
-            prepared.options,
-            methods,
-            log,
-            start,
-            sample_time_ns=prepared.sample_time_ns,
-            smooth=smooth,
-            threads=threads,
-        )
+            prepared.streams.instrument.geometry, prepared.model, prepared.options, methods, log, start,
+            sample_time_ns=prepared.sample_time_ns, smooth=smooth, threads=threads,
+        )  # fmt: skip
 
     smoothed_methods = case.replay.filters if case.replay.smooth else ()
     result = filtered(case.replay.filters, smooth=False)
+    # Estimates are sampled at the times of good inertial readings.
+    sampled_ns = result["sample_time_ns"]
     return Rerun(
-        prepared=_as_sampled(prepared, result["sample_time_ns"]),
+        prepared=replace(prepared, sample_time_ns=sampled_ns, rows=prepared.rows[: len(sampled_ns)]),
         valid=valid,
         result=result,
         smoothed_methods=smoothed_methods,
         smoothed=filtered(smoothed_methods, smooth=True) if smoothed_methods else {},
     )
-
-
-def _as_sampled(prepared: PreparedRun, sample_time_ns: Times) -> PreparedRun:
-    """The run with the times at which the estimates were sampled: those of good inertial readings."""
-    return replace(prepared, sample_time_ns=sample_time_ns, rows=prepared.rows[: len(sample_time_ns)])
 
 
 def beams_returned(what_if: WhatIf, time_ns: Times, beams: int, *, start_ns: int) -> Flags:

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,28 +22,26 @@ from bottomlock.replay import compare, rerun
 from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case, WhatIf
-from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.compare import currents_table
-from bottomlock.replay.findings.answers import answers
-from bottomlock.replay.findings.attitude_checks import attitude_findings, attitude_turns
-from bottomlock.replay.findings.diagnose import diagnose, findings_json
+from bottomlock.replay.findings.attitude_checks import attitude_findings, attitude_turns, start_words
+from bottomlock.replay.findings.checks import closure_words
+from bottomlock.replay.findings.diagnose import diagnose
 from bottomlock.replay.findings.sensors import SensorRow, sensor_rows
-from bottomlock.replay.findings.trust import Answer
 from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
-from bottomlock.replay.streams import Streams
 from bottomlock.statistics.replay import runs_table
 from bottomlock.tables.replay import RECORDED, ReplayTables
 from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
 TABLES = ("runs", "samples", "innovations", "pings")
-PARTS = ("samples", "innovations", "pings")
-"""Tables that are made of a part for each rerun."""
-CALIBRATION = "calibration"
-CURRENTS = "currents"
-"""Made of such parts too, and written where the filter has the states."""
+CALIBRATION, CURRENTS = "calibration", "currents"
+"""Written where the filter has the states."""
+PARTS: Mapping[str, Callable[[Case, str, rerun.Rerun], pl.DataFrame]] = {
+    "samples": compare.samples_table, "innovations": compare.innovations_table, "pings": compare.pings_table,
+    CALIBRATION: calibration_table, CURRENTS: compare.currents_table, "imu_faults": compare.imu_faults_table,
+}  # fmt: skip
+"""What is made of the result of each rerun."""
 KIND = "replay"
 _FILES = tuple(f"{table}.parquet" for table in (*TABLES, "reference", CALIBRATION, CURRENTS))
 NAMED = 10
@@ -73,9 +71,7 @@ def replay_case(
     streams = read_streams(case)
     check_what_ifs(case, streams)
     progress(0)
-    parts: dict[str, list[pl.DataFrame]] = {
-        name: [] for name in (*PARTS, CALIBRATION, CURRENTS, "imu_faults")
-    }
+    parts: dict[str, list[pl.DataFrame]] = {name: [] for name in PARTS}
     imu_faults: list[str] = []
     sensors: dict[str, list[SensorRow]] = {}
     prepared = rerun.prepare(case, streams)
@@ -84,55 +80,38 @@ def replay_case(
     for done, (name, what_if) in enumerate(cases, 1):
         result = _flown(case, prepared, what_if, threads)
         result = replace(result, reckoned=reckon(case, result.prepared, result.valid, log))
-        parts["samples"].append(compare.samples_table(case, name, result))
-        parts["innovations"].append(compare.innovations_table(case, name, result))
-        parts["pings"].append(compare.pings_table(case, name, result))
-        parts[CALIBRATION].append(calibration_table(case, name, result))
-        parts[CURRENTS].append(currents_table(case, name, result))
-        parts["imu_faults"].append(compare.imu_faults_table(case, name, result))
+        for table, make in PARTS.items():
+            parts[table].append(make(case, name, result))
         imu_faults = imu_faults or fault_words(result)
         sensors[name] = sensor_rows(case.replay.filters, result.result, streams.left_out)
         progress(done)
-    tables = {name: pl.concat(parts[name]) for name in PARTS}
+    tables = {name: pl.concat(of) for name, of in parts.items()}
     path = compare.path_table(streams)
-    first = _first(tables)
-    diagnosis = diagnose(case, prepared, first["samples"], first["innovations"], sensors[RECORDED])
+    samples, innovations = (tables[name].filter(what_if=RECORDED) for name in ("samples", "innovations"))
+    diagnosis = diagnose(case, prepared, samples, innovations, sensors[RECORDED])
+    # The filter whose track is told: the one to take, else the first of the case that stands for all.
+    filters = case.replay.filters
+    told = next(one for one in (diagnosis.answer.method, "tc", *filters) if one in filters)
+    reckoned = [DEAD_RECKONING] if (samples["method"] == DEAD_RECKONING).any() else []
+    manifest = _manifest(case, prepared, imu_faults) | {
+        "threads": threads,
+        "wall_time_s": round(time.perf_counter() - started, 3),
+        "methods": [*filters, *reckoned],
+        "sensors": {name: [asdict(row) for row in rows] for name, rows in sensors.items()},
+        "answer": diagnosis.answer.to_json(),
+        "findings": [one.to_json() for one in diagnosis.findings],
+        "answers": [*start_words(prepared, samples, told), *closure_words(prepared)],
+    }
+    if streams.water_counts is not None:
+        manifest["water_cells"] = streams.water_counts.text()
+    runs = runs_table(
+        tables["samples"], tables["innovations"], tables["pings"], tables["imu_faults"], path,
+        prepared.alignment.time_ns,
+    )  # fmt: skip
     return ReplayTables(
-        runs=runs_table(
-            tables["samples"],
-            tables["innovations"],
-            tables["pings"],
-            pl.concat(parts["imu_faults"]),
-            path,
-            prepared.alignment.time_ns,
-        ),
-        path=path,
-        calibration=_joined(parts[CALIBRATION]),
-        currents=_joined(parts[CURRENTS]),
-        manifest=manifest_of(
-            case,
-            streams,
-            prepared.alignment.sources,
-            imu_faults,
-            threads=threads,
-            wall_s=time.perf_counter() - started,
-        )
-        | {"methods": _methods(case, first["samples"])}
-        | ({} if streams.water_counts is None else {"water_cells": streams.water_counts.text()})
-        | {
-            "sensors": {name: [row.to_json() for row in rows] for name, rows in sensors.items()},
-            "answer": diagnosis.answer.to_json(),
-            "findings": findings_json(diagnosis.findings),
-            "answers": answers(prepared, first["samples"], _told(case, diagnosis.answer)),
-        },
-        **tables,
-    )
-
-
-def _joined(parts: list[pl.DataFrame]) -> pl.DataFrame | None:
-    """The parts as one table; None without a row."""
-    table = pl.concat(parts)
-    return table if table.height else None
+        manifest, runs, tables["samples"], tables["innovations"], tables["pings"], path,
+        **{name: tables[name] if tables[name].height else None for name in (CALIBRATION, CURRENTS)},
+    )  # fmt: skip
 
 
 def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, threads: int) -> rerun.Rerun:
@@ -149,23 +128,6 @@ def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, thre
         if not causes:
             raise
         raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].hint}") from error
-
-
-def _told(case: Case, answer: Answer) -> str:
-    """The filter whose track is told: the one to take, else the first of the case that stands for all."""
-    filters = case.replay.filters
-    return next(one for one in (answer.method, "tc", *filters) if one in filters)
-
-
-def _methods(case: Case, samples: pl.DataFrame) -> list[str]:
-    """Methods in the tables: those of the case, and dead reckoning where it was possible."""
-    reckoned = (samples["method"] == DEAD_RECKONING).any()
-    return [*case.replay.filters, *([DEAD_RECKONING] if reckoned else [])]
-
-
-def _first(tables: dict[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """The tables of the recording as it is."""
-    return {name: table.filter(pl.col("what_if") == RECORDED) for name, table in tables.items()}
 
 
 def fault_words(result: rerun.Rerun) -> list[str]:
@@ -187,16 +149,9 @@ def fault_words(result: rerun.Rerun) -> list[str]:
     return words
 
 
-def manifest_of(
-    case: Case,
-    streams: Streams,
-    alignment: dict[str, str],
-    imu_faults: list[str],
-    *,
-    threads: int,
-    wall_s: float,
-) -> dict[str, Any]:
-    """The manifest: versions, hashes of every file read, settings, clocks, alignment, what is semi-synthetic."""
+def _manifest(case: Case, prepared: rerun.PreparedRun, imu_faults: list[str]) -> dict[str, Any]:
+    """What was replayed: versions, hashes of every file read, settings, clocks, alignment, what is semi-synthetic."""
+    streams = prepared.streams
     return {
         "kind": KIND,
         "status": "complete",
@@ -208,8 +163,6 @@ def manifest_of(
         "configuration": case.model_dump(mode="json"),
         "options": kernel_options(case, streams.instrument, streams.vehicle_motion).as_dict(),
         "files": file_digests(case),
-        "threads": threads,
-        "wall_time_s": round(wall_s, 3),
         "what_if": [
             [RECORDED, "beams as recorded"],
             *([what_if.name, what_if.text()] for what_if in case.what_if),
@@ -218,8 +171,8 @@ def manifest_of(
         "reference_note": "" if case.reference is None else case.reference.note,
         "has_reference": streams.reference is not None,
         "origin": None if streams.origin is None else asdict(streams.origin),
-        "alignment": alignment,
-        "clocks": {name: _clock(report) for name, report in streams.clocks.items()},
+        "alignment": prepared.alignment.sources,
+        "clocks": {name: report.to_json() for name, report in streams.clocks.items()},
         "notes": list(streams.notes),
         "imu_faults": imu_faults,
         "beams": streams.instrument.geometry.beams,
@@ -233,15 +186,6 @@ def file_digests(case: Case) -> dict[str, dict[str, str]]:
         DataError: for a file that cannot be read.
     """
     return {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()}
-
-
-def _clock(report: ClockReport) -> dict[str, Any]:
-    faults = {key: getattr(report, key).text for key in ("repeats", "backward", "gaps", "jumps", "empty")}
-    numbers = {
-        key: getattr(report, key)
-        for key in ("rows", "kept", "first_s", "last_s", "median_step_s", "max_stamp_deviation_s", "gap_s")
-    }
-    return numbers | faults
 
 
 def _sha256(path: Path) -> str:

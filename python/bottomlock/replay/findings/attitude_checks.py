@@ -165,6 +165,15 @@ class Correction:
         return abs(self.change_deg) / max(self.sd_deg, 1e-9)
 
 
+def start_words(prepared: PreparedRun, samples: pl.DataFrame, method: str) -> list[str]:
+    """What the whole log says of the heading at the start, in one sentence; none where the method was not smoothed."""
+    found = start_correction(prepared, samples, method)
+    if found is None:
+        return []
+    words = f"Heading at the start: the whole log corrects it by {found.change_deg:+.1f} deg, {found.sigmas:.1f} times"
+    return [f"{words} its 1 sigma of {found.sd_deg:.3g} deg ({method}); {found.left_deg:.3g} deg are left."]
+
+
 def start_correction(prepared: PreparedRun, samples: pl.DataFrame, method: str) -> Correction | None:
     """Of a method that was smoothed; None without."""
     smoothed = samples.filter((pl.col("method") == method) & (pl.col("pass") == "smoothed"))

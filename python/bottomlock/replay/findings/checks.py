@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_segments import LENGTH_S
@@ -11,6 +12,7 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.limits import SMALL_CLAIM, WRONG_CLAIM
 from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
+from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.streams import Streams
 
 SIGMAS = 5.0
@@ -247,3 +249,34 @@ def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integ
     v = velocity[at.kept] @ (match.rotation @ match.axes).T
     down = match.level_p[at.segment]
     return moved[at.kept], at.segment, np.einsum("pi,pij,pj->p", down, at.C, v)
+
+
+def closure_words(prepared: PreparedRun) -> list[str]:
+    """What beams left out of pings with all of them show, a sentence each; none without redundant beams."""
+    beams, instrument = prepared.streams.beams, prepared.streams.instrument
+    B = np.asarray(instrument.geometry.directions_p)
+    full = beams.valid[prepared.pings].all(axis=1)
+    if len(B) < 4 or not full.any() or beams.velocity_d_mps is not None:
+        return []
+    y = beams.velocity_mps[prepared.pings][full]
+    claimed = float(instrument.beam_sd_mps.mean())
+    lines = [
+        (
+            f"Closure of {int(full.sum())} pings of all beams: robust sigma {1e3 * closure_sd(B, y):.1f} mm/s, "
+            "claimed noise of a "
+            f"beam {1e3 * claimed:.1f} mm/s."
+        )
+    ]
+    every = y @ np.linalg.pinv(B).T
+    parts = []
+    for k in range(len(B)):
+        left = [j for j in range(len(B)) if j != k]
+        if np.linalg.matrix_rank(B[left], tol=0.05) < 3:
+            continue
+        off = y[:, left] @ np.linalg.pinv(B[left]).T - every
+        parts.append(f"{k + 1}: {1e3 * float(np.median(np.linalg.norm(off[:, :2], axis=1))):.1f}")
+    if parts:
+        lines.append(
+            f"Without beam k the horizontal velocity differs by a median of (k: mm/s) {', '.join(parts)}."
+        )
+    return lines

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -13,25 +12,24 @@ from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.stream_sections import ImuStream
-from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.recordings.track_fit import TrackFit
+from bottomlock.replay.attitude_inertial import at_imu, whole_pings
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.against_reckoning import Agreement, agreements
-from bottomlock.replay.findings.answers import closure_words
 from bottomlock.replay.findings.attitude_checks import (
     AttitudeTurns,
     attitude_findings,
     attitude_turns,
     heading_findings,
 )
-from bottomlock.replay.findings.evidence import Evidence, against_reference
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
 from bottomlock.replay.findings.track_checks import fits, track_finding
-from bottomlock.replay.findings.trust import Answer, answer_of
+from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
 from bottomlock.replay.findings.verdict import (
     ABSORBED,
     WRONG,
@@ -43,7 +41,7 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.pings import LEAST_PINGS, ping_velocity
+from bottomlock.replay.motion.pings import LEAST_PINGS
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.statistics.replay import track_table
@@ -101,7 +99,8 @@ def diagnose(
     tracks = _tracks(samples)
     stands = DEAD_RECKONING if DEAD_RECKONING in tracks else methods[0] if seen is None else seen.method
     evidence = Evidence(
-        verdict=verdict, state=state, causes=causes, further=further, seen=seen, closure=closure_words(prepared),
+        verdict=verdict, state=state, causes=causes, further=further, seen=seen,
+        closure=next(iter(checks.closure_words(prepared)), ""),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         aided=case.attitude is not None and case.attitude.aids != "nothing",
         reference=None if seen is None else against_reference(samples, seen.method, reference_sd_m),
@@ -185,15 +184,11 @@ def _astray(agreed: list[Agreement]) -> list[Finding]:
 
 def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Finding]:
     streams, alignment = prepared.streams, prepared.alignment
-    geometry = streams.instrument.geometry
-    B = np.asarray(geometry.directions_p)
     found = [checks.order_finding(streams) or checks.beam_noise_finding(case, streams)]
-    time_ns, velocity = ping_velocity(
-        B, streams.beams.time_ns, np.nan_to_num(streams.beams.velocity_mps), streams.beams.valid
-    )
+    time_ns, velocity = whole_pings(streams, streams.beams)
     turns = attitude_turns(case, prepared)
     inside = time_ns >= alignment.time_ns
-    time_ns, velocity = time_ns[inside], velocity[inside] / geometry.sound_speed_scale
+    time_ns, velocity = time_ns[inside], velocity[inside]
     # Readings that are made from the attitude and the DVL itself say nothing about the DVL.
     if len(time_ns) > LEAST_PINGS and isinstance(case.imu, ImuStream):
         found += _against_imu(case, prepared, time_ns, velocity, turns)
@@ -232,20 +227,23 @@ def _against_imu(
     inertial = prepared.readings
     rows = slice(int(np.searchsorted(inertial.time_ns, alignment.time_ns)), None)
     recorded = Recorded(
-        Inertial(inertial.time_ns[rows], inertial.force_p_mps2[rows], inertial.omega_p_radps[rows]), time_ns,
-        _at_imu(prepared, time_ns, velocity),
+        inertial.rows(rows), time_ns,
+        at_imu(streams, inertial, time_ns, velocity),
     )  # fmt: skip
     model = prepared.model.imu
     tight = tight_priors(model.gyro_bias_sd_radps, model.accel_bias_sd_mps2)
     B = np.asarray(streams.instrument.geometry.directions_p)
-    beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), _measured_noise(prepared))
+    whole = streams.beams.velocity_mps[streams.beams.valid.all(axis=1)]
+    measured = float(np.nan_to_num(closure_sd(B, whole))) if len(whole) >= LEAST_PINGS else 0.0
+    beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), measured)
     noise = float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
     known = turns is not None and turns.unit_is_right
     comparison = compare(recorded, tight, noise, unit_is_right=known)
     if comparison is None:
         return []
-    down = np.abs(B @ _mean_down(prepared))
-    tilt = float(np.mean(np.arccos(np.clip(down, -1.0, 1.0))))
+    # About the axis around which the beams are arranged.
+    down = B.mean(axis=0) / max(float(np.linalg.norm(B.mean(axis=0))), 1e-9)
+    tilt = float(np.mean(np.arccos(np.clip(np.abs(B @ down), -1.0, 1.0))))
     found: list[Finding | None] = [
         *motion_findings(Stated(case, streams.instrument.mounting_rpy_rad, tilt), comparison)
     ]
@@ -256,31 +254,6 @@ def _against_imu(
         found.append(checks.level_finding(alignment, best))
         found.append(checks.depth_finding(case, streams, recorded, best))
     return found
-
-
-def _measured_noise(prepared: PreparedRun) -> float:
-    """Noise of a beam by the closure of complete pings, m/s; 0 without."""
-    beams = prepared.streams.beams
-    whole = beams.velocity_mps[beams.valid.all(axis=1)]
-    if len(whole) < LEAST_PINGS:
-        return 0.0
-    return float(np.nan_to_num(closure_sd(prepared.streams.instrument.geometry.directions_p, whole)))
-
-
-def _mean_down(prepared: PreparedRun) -> Floats:
-    """(3,) the axis about which the beams are arranged, platform frame."""
-    mean = np.asarray(prepared.streams.instrument.geometry.directions_p).mean(axis=0)
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
-
-
-def _at_imu(prepared: PreparedRun, time_ns: Integers, velocity: Floats) -> Floats:
-    """(p, 3) velocities carried from the DVL to the IMU over the stated lever arm."""
-    lever = np.asarray(prepared.streams.instrument.geometry.lever_arms_p_m).mean(axis=0)
-    if not lever.any():
-        return velocity
-    inertial = prepared.readings
-    at = np.clip(np.searchsorted(inertial.time_ns, time_ns), 0, len(inertial.time_ns) - 1)
-    return np.asarray(velocity - np.cross(inertial.omega_p_radps[at], lever))
 
 
 def _track(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> Finding | None:
@@ -299,8 +272,3 @@ def _fits(case: Case, prepared: PreparedRun, samples: pl.DataFrame, method: str)
     sd = rows.select("sd_position_north_m", "sd_position_east_m").to_numpy()
     claimed_m = float(np.sqrt((sd**2).sum(axis=1).mean()))
     return fits(case, prepared.streams, rows["time_ns"].to_numpy(), place, claimed_m)
-
-
-def findings_json(findings: list[Finding]) -> list[dict[str, Any]]:
-    """The findings as the manifest holds them."""
-    return [one.to_json() for one in findings]

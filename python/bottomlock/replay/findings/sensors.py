@@ -1,7 +1,7 @@
 """A row a sensor: how many of its readings were used, left out or rejected, their NIS, and its slow error."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from bottomlock.recordings.screen import LeftOut
@@ -54,10 +54,6 @@ class SensorRow:
             f"Of {self.measured} readings of {self.sensor.replace('_', ' ')} {100.0 * self.rejected_part:.3g} % are "
             f"rejected, NIS {self.nis:.2g} of {self.degrees:.2g}{slow}."
         )
-
-    def to_json(self) -> dict[str, Any]:
-        """The row in the types of JSON."""
-        return asdict(self)
 
 
 def sensor_rows(

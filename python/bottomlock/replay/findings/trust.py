@@ -1,15 +1,180 @@
-"""Can this be trusted? One answer from the findings: yes, partly or no, with the numbers that decide it."""
+"""Can this be trusted? One answer, yes, partly or no, from the findings, the tracks and a row a sensor.
 
-from collections.abc import Callable
+Tracks are held against each other and a reference; the answer has the numbers that decide it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+import numpy as np
+import polars as pl
+
+from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
-from bottomlock.replay.findings.against_reckoning import metres
-from bottomlock.replay.findings.evidence import Evidence, recommended
-from bottomlock.replay.findings.limits import NEAR_SIGMAS, REFERENCE_SIGMAS, VAGUE
-from bottomlock.replay.findings.verdict import ABSORBED, WRONG
+from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement, metres
+from bottomlock.replay.findings.limits import (
+    AXES,
+    FEWEST_READINGS,
+    NEAR_SIGMAS,
+    PARTIAL,
+    REFERENCE_RMS_SIGMAS,
+    REFERENCE_SIGMAS,
+    REJECTED,
+    SLOW_SIGMAS,
+    VAGUE,
+)
+from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
+from bottomlock.replay.findings.sway import Sway
+from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
+from bottomlock.tables.replay import FORWARD
+
+FREE = "ins"
+"""Free inertial navigation, the comparison without a DVL."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A method's horizontal position against the reference.
+
+    Attributes:
+        method: whose.
+        end_m: distance at the end.
+        end_sigmas: the same over the root of the sum of the squares of both σ.
+        rms_sigmas: RMS of the error over claimed σ.
+    """
+
+    method: str
+    end_m: float
+    end_sigmas: float
+    rms_sigmas: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the claims of both explain the distance."""
+        return self.end_sigmas <= REFERENCE_SIGMAS and self.rms_sigmas <= REFERENCE_RMS_SIGMAS
+
+    def words(self) -> str:
+        """The comparison in one sentence."""
+        return (
+            f"Reference: {self.method} is {metres(self.end_m)} off at the end, {self.end_sigmas:.1f} times what both "
+            f"claim; error over claimed σ {self.rms_sigmas:.2g} RMS, horizontally."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What an answer is made of.
+
+    Attributes:
+        verdict: the first finding, and its state.
+        causes: the likely causes, the likeliest first.
+        further: findings after them.
+        seen: innovations; None without a fix.
+        closure: what beams left out show, in a sentence; "" without redundant beams.
+        agreements: of the trusted methods with dead reckoning.
+        reckoned: whether there is dead reckoning.
+        aided: whether the recorded attitude aids the filters.
+        reference: the method against the reference; None without positions.
+        sway: as measured.
+        partial: part of the pings with fewer than three beams.
+        methods: filters of the case.
+        sensors: what they made of each sensor.
+        sd_m: claimed σ of the horizontal position at the end, of each method.
+        way_m: distance travelled, by dead reckoning where there is one.
+        reach_m: greatest distance of the track from its start.
+        geometry_open: whether the geometry of recorded beams is a guess.
+        heading_open: whether the recorded heading may be magnetic or true.
+        assumed: keys of the case that nothing decides.
+    """
+
+    verdict: Finding
+    state: str
+    causes: Sequence[Finding]
+    further: Sequence[Finding]
+    seen: Innovations | None
+    closure: str
+    agreements: Sequence[Agreement]
+    reckoned: bool
+    aided: bool
+    reference: Reference | None
+    sway: Sway | None
+    partial: float
+    methods: Sequence[str]
+    sensors: Sequence[SensorRow]
+    sd_m: Mapping[str, float]
+    way_m: float
+    reach_m: float
+    geometry_open: bool
+    heading_open: bool = False
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def judged(self) -> Agreement | None:
+        """Agreement of the method to take, or else of the one that stands for all; None without dead reckoning."""
+        taken = recommended(self)
+        return next(
+            (one for one in self.agreements if one.method == taken), next(iter(self.agreements), None)
+        )
+
+    @property
+    def taken(self) -> str:
+        """The method that is judged, or where there is no dead reckoning the one to take."""
+        return recommended(self) if self.judged is None else self.judged.method
+
+    @property
+    def sd_taken_m(self) -> float:
+        """Claimed σ at the end of that method; 0 where there is none."""
+        return self.sd_m.get(self.taken, 0.0)
+
+    @property
+    def doubted(self) -> SensorRow | None:
+        """The sensor beside the beams that contradicts that method most; None without one."""
+        rows = [one for one in self.sensors if one.method == self.taken and one.sensor not in ASSUMED]
+        rows = [one for one in rows if one.measured >= FEWEST_READINGS]
+        doubted = [one for one in rows if one.rejected_part > REJECTED or one.slow_error > SLOW_SIGMAS]
+        return max(doubted, key=lambda one: (one.rejected_part, one.slow_error), default=None)
+
+
+def recommended(evidence: Evidence) -> str:
+    """The filter that fits vehicle and beams, of those that stay with dead reckoning.
+
+    An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
+    What the reference shows to be worse than dead reckoning comes last. The free inertial navigation is none of them.
+    """
+    astray = {FREE} | {
+        one.method for one in evidence.agreements if one.leaves or one.lost or one.worse or one.vague
+    }
+    beaten = {one.method for one in evidence.agreements if one.beaten}
+    slender = evidence.sway is not None and evidence.sway.fits and evidence.partial > PARTIAL
+    order = (RECOMMENDED_METHOD, *TRUSTED) if slender else TRUSTED
+    usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
+    usable.sort(key=lambda one: one in beaten)
+    return usable[0] if usable else METHOD if evidence.reckoned else ""
+
+
+def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float) -> Reference | None:
+    """A method against the reference, horizontally; None without positions.
+
+    Args:
+        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
+        method: whose.
+        reference_sd_m: 1 sigma of the reference along an axis.
+    """
+    rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
+    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in AXES))
+    if known.is_empty():
+        return None
+    errors = known.select(f"err_position_{axis}_m" for axis in AXES).to_numpy()
+    sd = known.select(f"sd_position_{axis}_m" for axis in AXES).to_numpy()
+    end_m, both_m = (
+        np.linalg.norm(errors[-1]),
+        np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
+    )
+    rms = np.sqrt(np.mean((errors / sd) ** 2))
+    return Reference(method, float(end_m), float(end_m / both_m), float(rms))
+
 
 OF_FILTERS_ALONE = {
     "gyro_unit", "gyro_sign", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign",
@@ -49,135 +214,93 @@ class Answer:
         return asdict(self) | {"numbers": list(self.numbers), "assumed": list(self.assumed)}
 
 
-@dataclass(frozen=True)
-class Rule:
-    """A reason for which an answer is "partly" at most.
-
-    Attributes:
-        applies: whether the evidence has it.
-        sentence: why, in one sentence.
-        change: what to change.
-    """
-
-    applies: Callable[[Evidence], bool]
-    sentence: Callable[[Evidence], str]
-    change: str
-
-
-def _worse(evidence: Evidence) -> bool:
-    return evidence.judged is not None and evidence.judged.worse
-
-
-def _vague(evidence: Evidence) -> bool:
-    return evidence.judged is not None and evidence.judged.vague
-
-
-RULES = (
-    Rule(
-        _worse,
-        lambda _: (
-            "Dead reckoning is nearer to the reference by more than the claims of both and its noise explain."
-        ),
-        "Take dead_reckoning; imu.errors and dvl.beam_noise_mps claim less than the filter's error.",
-    ),
-    Rule(
-        lambda evidence: evidence.reference is not None and not evidence.reference.agrees,
-        lambda evidence: (
-            f"The reference does not confirm the track: {evidence.reference.words()}"
-            if evidence.reference
-            else ""
-        ),
-        "Check reference.clock and heading; where reference.sd_m is too small, state it.",
-    ),
-    Rule(
-        lambda evidence: evidence.doubted is not None,
-        lambda evidence: evidence.doubted.words() if evidence.doubted else "",
-        "Look at this sensor's noise, unit and axes in the case, or leave it out.",
-    ),
-    Rule(
-        _vague,
-        lambda evidence: (
-            f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than {VAGUE:g} "
-            "times that of dead reckoning."
-        ),
-        'Take dead_reckoning; imu.errors may be too large, or attitude.aids = "attitude" bounds them.',
-    ),
-    Rule(
-        lambda evidence: evidence.sd_taken_m > evidence.way_m,
-        lambda evidence: (
-            f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than the "
-            f"{metres(evidence.way_m)} travelled."
-        ),
-        "Check imu.errors and the start; an [attitude] that aids bounds the error.",
-    ),
-    Rule(
-        lambda evidence: evidence.geometry_open and evidence.reference is None,
-        lambda _: "The geometry of the beams is an open question, and dead reckoning has the same.",
-        "Set dvl.geometry to that of the instrument and take it out of assumed, or give positions as [reference].",
-    ),
-    Rule(
-        lambda evidence: evidence.heading_open and evidence.reference is None,
-        lambda _: (
-            "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same."
-        ),
-        "Set attitude.yaw_offset_deg (0 for a true yaw) and take it out of assumed, or give positions as [reference].",
-    ),
-    Rule(
-        lambda evidence: not evidence.reckoned and evidence.reference is None,
-        lambda _: "The beams fit the navigation, and nothing else confirms it.",
-        "Give an [attitude] for dead reckoning, or positions as [reference].",
-    ),
-)
-"""Reasons for "partly" beside the findings, the gravest first."""
-
-
 def answer_of(evidence: Evidence) -> Answer:
     """The answer that the evidence leads to."""
-    cause = next(iter(evidence.causes), None)
+    cause, reference = next(iter(evidence.causes), None), evidence.reference
     faulty = (
         cause is not None
         and cause.severity == "fault"
         and (cause.kind in OF_DEPTH or not _confirmed(evidence, cause))
     )
     further = "" if evidence.sway is None else evidence.sway.words(), evidence.assumed
-    numbers = tuple(one for one in (_innovations(evidence), _agreement(evidence)) if one)
+    beams = ("" if evidence.seen is None else evidence.seen.words(), evidence.closure)
+    position = (
+        *(one.words() for one in evidence.agreements[:1]),
+        "" if reference is None else reference.words(),
+    )
+    numbers = tuple(filter(None, (" ".join(filter(None, words)) for words in (beams, position))))
     if evidence.state == WRONG or faulty or _refuted(evidence):
         first = cause or evidence.verdict
         reckons = evidence.reckoned and (cause is None or cause.kind in OF_FILTERS_ALONE)
         return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", *further)
     method = recommended(evidence)
-    doubts = [one for one in (*evidence.causes, *evidence.further) if one.severity != "note"]
-    if evidence.reference is not None and _confirmed(evidence):
-        # What names no mistake says less than positions that agree.
-        doubts = [one for one in doubts if one.kind != "unexplained"]
-    if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
-        doubts = [evidence.verdict, *doubts]
-    reasons = [(one.text, one.hint) for one in doubts]
-    reasons += [(rule.sentence(evidence), rule.change) for rule in RULES if rule.applies(evidence)]
-    for sentence, change in reasons[:1]:
+    for sentence, change in _reasons(evidence):
         return Answer("partly", sentence, numbers, change, method, *further)
-    agree = [
-        name
-        for name, there in (
-            ("dead reckoning", evidence.reckoned),
-            ("the reference", evidence.reference is not None),
-        )
-        if there
-    ]
-    return Answer(
-        "yes", f"The beams fit the navigation, and {' and '.join(agree)} {'agree' if len(agree) > 1 else 'agrees'}.",
-        numbers, _improvement(evidence), method, *further,
-    )  # fmt: skip
-
-
-def _improvement(evidence: Evidence) -> str:
-    """What would be better in a replay that can be trusted."""
+    agree = ["dead reckoning"] * evidence.reckoned + ["the reference"] * (reference is not None)
+    confirmed = f"{' and '.join(agree)} {'agree' if len(agree) > 1 else 'agrees'}"
     unused = evidence.reckoned and not evidence.aided
+    change = NOTHING
     if unused and evidence.agreements and evidence.agreements[0].beaten:
-        return (
+        change = (
             'Set attitude.aids = "heading" or "attitude": dead reckoning with it is nearer to the reference.'
         )
-    return NOTHING
+    return Answer("yes", f"The beams fit the navigation, and {confirmed}.", numbers, change, method, *further)
+
+
+def _reasons(evidence: Evidence) -> Iterator[tuple[str, str]]:
+    """Why an answer is "partly" at most, and what to change: what was found, then rules, the gravest first."""
+    judged, reference, doubted = evidence.judged, evidence.reference, evidence.doubted
+    if evidence.verdict.severity != "note" and evidence.state != ABSORBED:
+        yield evidence.verdict.text, evidence.verdict.hint
+    # What names no mistake says less than positions that agree.
+    settled = "unexplained" if reference is not None and _confirmed(evidence) else ""
+    for one in (*evidence.causes, *evidence.further):
+        if one.severity != "note" and one.kind != settled:
+            yield one.text, one.hint
+    if judged is not None and judged.worse:
+        yield (
+            "Dead reckoning is nearer to the reference by more than the claims of both and its noise explain.",
+            "Take dead_reckoning; imu.errors and dvl.beam_noise_mps claim less than the filter's error.",
+        )
+    if reference is not None and not reference.agrees:
+        yield (
+            f"The reference does not confirm the track: {reference.words()}",
+            "Check reference.clock and heading; where reference.sd_m is too small, state it.",
+        )
+    if doubted is not None:
+        yield doubted.words(), "Look at this sensor's noise, unit and axes in the case, or leave it out."
+    claim = f"The method claims 1 sigma of {metres(evidence.sd_taken_m)} at the end, more than"
+    if judged is not None and judged.vague:
+        yield (
+            f"{claim} {VAGUE:g} times that of dead reckoning.",
+            'Take dead_reckoning; imu.errors may be too large, or attitude.aids = "attitude" bounds them.',
+        )
+    if evidence.sd_taken_m > evidence.way_m:
+        yield (
+            f"{claim} the {metres(evidence.way_m)} travelled.",
+            "Check imu.errors and the start; an [attitude] that aids bounds the error.",
+        )
+    if reference is None:
+        yield from _unconfirmed(evidence)
+
+
+def _unconfirmed(evidence: Evidence) -> Iterator[tuple[str, str]]:
+    """What nothing decides without a reference."""
+    if evidence.geometry_open:
+        yield (
+            "The geometry of the beams is an open question, and dead reckoning has the same.",
+            "Set dvl.geometry to that of the instrument and take it out of assumed, or give positions as [reference].",
+        )
+    if evidence.heading_open:
+        yield (
+            "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same.",
+            "Set attitude.yaw_offset_deg (0 for a true yaw) and take it out of assumed, or give a [reference].",
+        )
+    if not evidence.reckoned:
+        yield (
+            "The beams fit the navigation, and nothing else confirms it.",
+            "Give an [attitude] for dead reckoning, or positions as [reference].",
+        )
 
 
 def _confirmed(evidence: Evidence, cause: Finding | None = None) -> bool:
@@ -196,13 +319,3 @@ def _refuted(evidence: Evidence) -> bool:
     """Whether the reference contradicts the method's claim, and dead reckoning less."""
     worse = bool(evidence.agreements) and evidence.agreements[0].worse
     return worse and any(one.kind == "claims" for one in evidence.further)
-
-
-def _innovations(evidence: Evidence) -> str:
-    parts = [] if evidence.seen is None else [evidence.seen.words()]
-    return " ".join([*parts, *([evidence.closure] if evidence.closure else [])])
-
-
-def _agreement(evidence: Evidence) -> str:
-    parts = [one.words() for one in evidence.agreements[:1]]
-    return " ".join([*parts, *([] if evidence.reference is None else [evidence.reference.words()])])
