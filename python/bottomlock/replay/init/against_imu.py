@@ -11,7 +11,7 @@ from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, Offset
+from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, turns_of
 
@@ -23,26 +23,26 @@ LEAST_S = 60.0
 Span = tuple[int, int]
 
 
-def clock_offset(found: Found, imu: ImuPart, dvl: DvlPart) -> Offset:
+def clock_offset(found: Found, imu: ImuPart, dvl: DvlPart) -> Guess:
     """The offset of a stream's clock: that of the IMU, of the DVL, another time zone, or unknown."""
     assert found.times.time_ns is not None  # chosen so
     ours, theirs = _span(imu.time_ns), _span(found.times.time_ns)
     if _overlap(ours, theirs) > ENOUGH:
-        return Offset()
-    if dvl.offset.seconds and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:
-        return Offset(dvl.offset.seconds, "it shares the DVL's clock", known=dvl.offset.known)
-    return _by_time_zone(ours, theirs) or Offset(
+        return NOTHING
+    if dvl.offset.value and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:
+        return Guess(dvl.offset.value, "it shares the DVL's clock", known=dvl.offset.known)
+    return _by_time_zone(ours, theirs) or Guess(
         (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin "
         "together",
         known=False,
     )  # fmt: skip
 
 
-def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Offset:
+def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Guess:
     """The offset of a DVL's clock to the IMU's: none where they run together, another time zone, or by the motion."""
     ours, theirs = _span(imu.time_ns), (dvl.first_ns, dvl.last_ns)
     if _overlap(ours, theirs) > ENOUGH:
-        return Offset()
+        return NOTHING
     zone = _by_time_zone(ours, theirs)
     if zone is not None:
         return zone
@@ -54,12 +54,12 @@ def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Offset:
         begun = Recorded(inertial, dvl.time_ns + round(starts_s * 1e9), dvl.velocity_p_mps)
         found = search_offset(begun, least_s - dvl_s, imu_s - least_s)
         if found is not None and found.clear:
-            return Offset(
+            return Guess(
                 starts_s + found.offset_s,
                 f"the DVL's velocity follows the IMU's best there, {found.gain:.1f} times better than at other offsets "
                 f"(next best {found.second:.1f})",
             )
-    return Offset(
+    return Guess(
         starts_s,
         "the clocks have nothing in common, and the motion does not tell the offset: both files are taken to begin "
         "together",
@@ -77,12 +77,12 @@ def _overlap(a: Span, b: Span) -> float:
     return (min(a[1], b[1]) - max(a[0], b[0])) / shorter
 
 
-def _by_time_zone(ours: Span, theirs: Span) -> Offset | None:
+def _by_time_zone(ours: Span, theirs: Span) -> Guess | None:
     """The first half hours by which another clock overlaps; None for none."""
     for hours in np.arange(-14.0, 14.5, 0.5).tolist():
         shift = round(hours * 3600e9)
         if hours and _overlap(ours, (theirs[0] + shift, theirs[1] + shift)) > ALMOST:
-            return Offset(
+            return Guess(
                 shift * 1e-9, f"the files overlap when its clock is moved by {hours:g} h, a time zone"
             )
     return None

@@ -9,7 +9,7 @@ from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, Offset, angle_unit
+from bottomlock.replay.init.guess import NOTHING, Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.support.rising import rising
 
@@ -57,9 +57,8 @@ class AttitudePart:
     rpy_rad: Floats
     unit: Guess
     match: AttitudeMatch | None
-    offset: Offset
-    declination_rad: float = 0.0
-    declination_why: str = ""
+    offset: Guess
+    declination: Guess = NOTHING
 
     @property
     def quarters(self) -> int:
@@ -73,9 +72,9 @@ class AttitudePart:
         good = np.isfinite(self.rpy_rad).all(axis=1) & rising(times)
         mounting = np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])
         attitude = platform_attitude(
-            from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, self.declination_rad
+            from_angles(*self.rpy_rad[good].T), self.frame.value, mounting, self.declination.value
         )
-        return times[good] + round(self.offset.seconds * 1e9), attitude
+        return times[good] + round(self.offset.value * 1e9), attitude
 
     @property
     def frame(self) -> Guess:
@@ -110,13 +109,13 @@ def angles_of(found: Found) -> tuple[Floats, Guess]:
     return rpy, Guess("rad", "")
 
 
-def guess_attitude(found: Found, imu: ImuPart, offset: Offset) -> AttitudePart | None:
+def guess_attitude(found: Found, imu: ImuPart, offset: Guess) -> AttitudePart | None:
     """Unit, frames and clock of an attitude, from an offset of its clock; None where it has no times."""
     times = found.times.time_ns
     if times is None:
         return None
     rpy, unit = angles_of(found)
-    match = match_attitude(times + round(offset.seconds * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
+    match = match_attitude(times + round(offset.value * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
     if match is not None and match.clear:
         if not unit.known and match.slope < 0.1 and "q0" not in found.columns:
             times_as_large = 1.0 / max(match.slope, 1e-9)
@@ -130,7 +129,7 @@ def guess_attitude(found: Found, imu: ImuPart, offset: Offset) -> AttitudePart |
             )
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
             why = f"its turn rates fit the gyros' best when moved by {match.offset_s:+.2f} s"
-            offset = Offset(offset.seconds + match.offset_s, why)
+            offset = Guess(offset.value + match.offset_s, why)
     return AttitudePart(found, rpy, unit, match, offset)
 
 

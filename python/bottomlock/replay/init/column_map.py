@@ -40,12 +40,12 @@ def write_map(file: Path, to: Path, *, force: bool = False) -> None:
     if beams is not None:
         entries += _beams(beams, table, velocity)
     elif velocity is not None:
-        unit = dvl_of_velocity(velocity)
+        unit = dvl_of_velocity(velocity).unit
         entries += [
             remark("", "no beams were found: convert needs --instrument-only"),
             *_instrument(velocity),
         ]
-        entries.append(Entry("velocity_scale", SPEED_SI[unit.unit], unit.unit_why))
+        entries.append(Entry("velocity_scale", SPEED_SI[unit.value], unit.why))
     else:
         raise DataError(
             f"none of its columns is known as a beam or a velocity ({column_names(table.frame)})", place=file
@@ -71,7 +71,7 @@ def _beams(beams: BeamColumns, table: AnyTable, velocity: Found | None) -> Itera
         yield Entry("range", list(columns.range))
     if velocity is None:
         return
-    theirs = dvl_of_velocity(velocity).unit
+    theirs = dvl_of_velocity(velocity).unit.value
     if SPEED_SI[theirs] == columns.velocity_scale:
         yield from _instrument(velocity)
     else:

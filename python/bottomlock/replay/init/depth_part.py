@@ -9,7 +9,7 @@ from scipy.signal import detrend
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import BAR, Guess, Offset, pressure_unit
+from bottomlock.replay.init.guess import BAR, Guess, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.support.rising import rising
 
@@ -84,12 +84,12 @@ class DepthPart:
     up: Guess | None
     offset_m: Guess | None
     sd_m: float
-    offset: Offset
+    offset: Guess
     depth_m: Floats
     waves: Waves | None
 
 
-def guess_depth(found: Found, imu: ImuPart, offset: Offset) -> DepthPart | None:
+def guess_depth(found: Found, imu: ImuPart, offset: Guess) -> DepthPart | None:
     """Unit and sign of a depth on a clock; None where it has no times."""
     times = found.times.time_ns
     if times is None:
@@ -101,24 +101,23 @@ def guess_depth(found: Found, imu: ImuPart, offset: Offset) -> DepthPart | None:
         metres = values * BAR[unit.value] * 1e5 / (1025.0 * 9.80665)
         if np.nanmin(values) * BAR[unit.value] > 0.8:
             shift = Guess(
-                "-10.08", "the pressure is absolute: that of the air, 1013 mbar, is 10.08 m of sea water"
+                -10.08, "the pressure is absolute: that of the air, 1013 mbar, is 10.08 m of sea water"
             )
             metres = metres - 10.08
     else:
         hint = found.units.get("depth", "")
-        unit = Guess(
-            "cm" if hint == "cm" else "m",
-            "the column's name says so" if hint else "metres are usual",
-            known=bool(hint),
-        )
+        why = "the column's name says so" if hint else "metres are usual"
+        unit = Guess("cm" if hint == "cm" else "m", why, known=bool(hint))
         metres = values * (0.01 if unit.value == "cm" else 1.0)
         if np.nanmedian(metres) < -0.3:
-            up = Guess("true", f"its median is {np.nanmedian(values):.3g}, below the surface: positive up")
+            up = Guess(
+                value=True, why=f"its median is {np.nanmedian(values):.3g}, below the surface: positive up"
+            )
             metres = -metres
     good = metres[np.isfinite(metres)]
     second = good[2:] - 2.0 * good[1:-1] + good[:-2]
     sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
-    clock = times + round(offset.seconds * 1e9)
+    clock = times + round(offset.value * 1e9)
     used = np.isfinite(metres) & rising(clock)
     waves = None
     if not imu.made and used.sum() > 1 and float(np.median(metres[used])) < DEEPEST_WAVES_M:

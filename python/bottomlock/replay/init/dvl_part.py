@@ -1,7 +1,7 @@
 """The DVL of a first case: its velocity, geometry, clock and axes against the IMU."""
 
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -20,7 +20,7 @@ from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.entries import Entry
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Offset
+from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
 from bottomlock.replay.motion.pings import BetterOrder, better_order, ping_velocity
 
@@ -59,9 +59,8 @@ class DvlPart:
         first_ns, last_ns: of all pings.
         geometry: packaged name, or "" where a file is written.
         geometry_text: of that file.
-        geometry_why, geometry_known: its reason, and whether the log decides it.
-        noise: of a beam, m/s, and why; None where it is what the geometry claims.
-        unit, unit_why, unit_known: of a velocity.
+        noise: of a beam, m/s; None where it is what the geometry claims.
+        unit: of a velocity.
         offset: to the IMU's clock.
         claimed: geometry, and noise of each beam that it claims.
         axes: of a velocity, those that point forward, starboard, down; it is in these already.
@@ -78,15 +77,11 @@ class DvlPart:
     velocity_p_mps: Floats
     first_ns: int
     last_ns: int
-    geometry: str = ""
+    geometry: Guess
     geometry_text: str = ""
-    geometry_why: str = ""
-    geometry_known: bool = True
-    noise: tuple[float, str] | None = None
-    unit: str = "m/s"
-    unit_why: str = ""
-    unit_known: bool = False
-    offset: Offset = field(default_factory=Offset)
+    noise: Guess | None = None
+    unit: Guess = NOTHING
+    offset: Guess = NOTHING
     claimed: tuple[BeamGeometry, Floats] | None = None
     axes: Axes = UNCHANGED_AXES
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -98,15 +93,15 @@ class DvlPart:
     def matched(self, match: Match) -> Self:
         """The same with its fit, which decides the unit where it finds a scale that none of the others has."""
         scale, sd = float(match.part("scale")[0]), float(match.part_sd("scale")[0])
-        if self.unit_known or not match.plausible or abs(scale) > NEAR_SCALE or sd > CERTAIN_SCALE:
+        if self.unit.known or not match.plausible or abs(scale) > NEAR_SCALE or sd > CERTAIN_SCALE:
             return replace(self, match=match)
-        why = f"{self.unit_why}; it is {1.0 + scale:.2f} ± {sd:.1g} of what the accelerometers integrate to"
-        return replace(self, match=match, unit_why=why, unit_known=True)
+        why = f"{self.unit.why}; it is {1.0 + scale:.2f} ± {sd:.1g} of what the accelerometers integrate to"
+        return replace(self, match=match, unit=Guess(self.unit.value, why))
 
     @property
     def on_imu_ns(self) -> Integers:
         """(p,) times of these pings on the IMU's clock."""
-        return self.time_ns + round(self.offset.seconds * 1e9)
+        return self.time_ns + round(float(self.offset.value) * 1e9)
 
     def mirrored(self) -> Self:
         """The same with the y axis of its velocity reversed."""
@@ -131,15 +126,15 @@ def dvl_of_recording(recording: Recording, log: Path | None) -> DvlPart:
         DataError: for a log whose beams never give a velocity.
     """
     table = recording.table
-    name, text, why, known = _geometry(recording)
-    geometry, claimed = _claimed(name, text)
+    named, text = _geometry(recording)
+    geometry, claimed = _claimed(named.value, text)
     time_ns, velocity = ping_velocity(
         np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
     )
     order = _better_order(geometry, claimed, table)
     part = DvlPart(
-        recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=name,
-        geometry_text=text, geometry_why=why, geometry_known=known, claimed=(geometry, claimed),
+        recording, None, time_ns, velocity, int(table.time_ns[0]), int(table.time_ns[-1]), geometry=named,
+        geometry_text=text, claimed=(geometry, claimed),
         noise=_noise(geometry, claimed, table) if order is None else None, log=log,
     )  # fmt: skip
     if order is None:
@@ -154,14 +149,6 @@ def _better_order(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> 
     return better_order(
         np.asarray(geometry.directions_p), table.velocity_mps, table.valid, float(np.mean(claimed))
     )
-
-
-def _of_four_beams(table: BeamTable) -> tuple[str, str]:
-    """The first packaged geometry whose order of beams closes, and why; the first of all where none does."""
-    for name, why in FOUR_BEAMS:
-        if _better_order(*_claimed(name, ""), table) is None:
-            return name, why
-    return FOUR_BEAMS[0]
 
 
 def _claimed(name: str, text: str) -> tuple[BeamGeometry, Floats]:
@@ -182,58 +169,54 @@ def with_noise(dvl: DvlPart, pings: PingNoise | None) -> DvlPart:
     claimed = float(np.mean(sd_mps))
     found = beam_noise(np.asarray(geometry.directions_p), pings.velocity_sd_mps)
     level, vertical = float(np.sqrt(np.mean(pings.velocity_sd_mps[:2] ** 2))), float(pings.velocity_sd_mps[2])
-    noise, why = dvl.noise, dvl.geometry_why
-    if found > NOISY * (claimed if noise is None else noise[0]):
+    noise, named = dvl.noise, dvl.geometry
+    if found > NOISY * (claimed if noise is None else noise.value):
         scatter = f"consecutive pings scatter by {level:.2g} m/s level and {vertical:.2g} m/s vertical"
-        noise = float(f"{found:.2g}"), f"{scatter} beyond the motion; the geometry claims {claimed:.2g}"
-    if not dvl.geometry_known and vertical > 0.0 and found > NOISY * claimed:
+        noise = Guess(
+            float(f"{found:.2g}"), f"{scatter} beyond the motion; the geometry claims {claimed:.2g}"
+        )
+    if not named.known and vertical > 0.0 and found > NOISY * claimed:
         tilt = float(np.rad2deg(tilt_of_noise(pings.velocity_sd_mps)))
-        why += f"; the noise of the velocity is that of beams tilted by {tilt:.0f} deg"
-    return replace(dvl, noise=noise, geometry_why=why)
+        tilted = f"{named.why}; the noise of the velocity is that of beams tilted by {tilt:.0f} deg"
+        named = replace(named, why=tilted)
+    return replace(dvl, noise=noise, geometry=named)
 
 
-def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> tuple[float, str] | None:
-    """Noise of a beam and why, where the closure exceeds what the geometry claims."""
+def _noise(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> Guess | None:
+    """Noise of a beam, where the closure exceeds what the geometry claims."""
     group = measure_noise(geometry, table.velocity_mps, table.valid, claimed).groups[-1]
     if group.fallback or group.factor < NOISY:
         return None
     claim_mps = float(np.mean(claimed))
     why = f"closure of {group.pings} pings; the geometry claims {claim_mps:.2g}"
-    return float(f"{group.factor * claim_mps:.2g}"), why
+    return Guess(float(f"{group.factor * claim_mps:.2g}"), why)
 
 
-def _geometry(recording: Recording) -> tuple[str, str, str, bool]:
-    """Packaged name or text of a geometry file, why, and whether it is known."""
+def _geometry(recording: Recording) -> tuple[Guess, str]:
+    """Packaged name, or the text of a geometry file."""
     beams = recording.table.beams
     if recording.geometry:
-        return recording.geometry, "", f"the format {recording.format} belongs to it", True
+        return Guess(recording.geometry, f"the format {recording.format} belongs to it"), ""
     found = _from_velocity(recording)
     if found is not None:
-        return (
-            "",
-            _file(found),
-            "directions by least squares of the beams on the instrument's own velocity",
-            True,
-        )
+        why = "directions by least squares of the beams on the instrument's own velocity"
+        return Guess("", why), _file(found)
     stated = np.asarray(recording.facts.get("beam_unit_vec", ()), dtype=float)
     if stated.shape == (beams, 3) and np.allclose(np.linalg.norm(stated, axis=1), 1.0, atol=0.02):
-        return "", _file(stated), "beam_unit_vec of the messages", True
+        return Guess("", "beam_unit_vec of the messages"), _file(stated)
     if beams == 4:
-        name, why = _of_four_beams(recording.table)
-        return name, "", why, False
+        # The first whose order of beams closes, or the first of all where none does.
+        closing = (one for one in FOUR_BEAMS if _better_order(*_claimed(one[0], ""), recording.table) is None)
+        return Guess(*next(closing, FOUR_BEAMS[0]), known=False), ""
     if beams == 3:
-        return THREE_BEAMS, "", THREE_BEAMS_WHY, False
+        return Guess(THREE_BEAMS, THREE_BEAMS_WHY, known=False), ""
     azimuth = 2.0 * np.pi * np.arange(beams) / beams
     tilt = np.deg2rad(22.5)
     cone = np.stack(
         [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.full(beams, np.cos(tilt))], axis=1
     )
-    return (
-        "",
-        _file(cone),
-        f"{beams} beams at 22.5 deg, evenly around, beam 1 forward: nothing says their directions",
-        False,
-    )
+    why = f"{beams} beams at 22.5 deg, evenly around, beam 1 forward: nothing says their directions"
+    return Guess("", why, known=False), _file(cone)
 
 
 def _from_velocity(recording: Recording) -> Floats | None:
@@ -274,11 +257,11 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     hint = found.units.get("v0", "").replace(" ", "")
     p95 = float(np.nanpercentile(np.abs(values), 95))
     if hint in SPEED_SI:
-        unit, why = hint, "the column's name says so"
+        unit = Guess(hint, "the column's name says so")
     elif p95 > 50.0:
-        unit, why = "mm/s", f"95 % are below {p95:.4g}"
+        unit = Guess("mm/s", f"95 % are below {p95:.4g}", known=False)
     else:
-        unit, why = "m/s", f"95 % are below {p95:.3g}"
+        unit = Guess("m/s", f"95 % are below {p95:.3g}", known=False)
     good = np.isfinite(values).all(axis=1)
     if "valid" in found.extra:
         good &= found.values("valid")[:, 0] == 1.0
@@ -288,7 +271,6 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     if len(ranges) == 3:
         name, because = THREE_BEAMS, f"the ranges {', '.join(ranges)} are those of {THREE_BEAMS_WHY}"
     return DvlPart(
-        None, found, times[good], values[good] * SPEED_SI[unit], int(times[0]), int(times[-1]), geometry=name,
-        geometry_why=because, geometry_known=False, unit=unit, unit_why=why, unit_known=hint in SPEED_SI,
-        claimed=_claimed(name, ""),
+        None, found, times[good], values[good] * SPEED_SI[unit.value], int(times[0]), int(times[-1]),
+        geometry=Guess(name, because, known=False), unit=unit, claimed=_claimed(name, ""),
     )  # fmt: skip

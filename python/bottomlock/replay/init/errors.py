@@ -1,7 +1,6 @@
 """Errors that a first case states: of the IMU and of the attitude sensor, and the prior of the velocity."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -9,7 +8,7 @@ import numpy as np
 from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
 from bottomlock.replay.init.entries import Entry, remark
-from bottomlock.replay.init.guess import round_up, white_noise
+from bottomlock.replay.init.guess import Guess, round_up, white_noise
 from bottomlock.replay.init.rig import Parts
 from bottomlock.replay.motion.gyros import GyroMatch
 from bottomlock.replay.vehicle_motion import vehicle_motion
@@ -24,14 +23,6 @@ LEAST_BIAS_MG, MOST_BIAS_MG = 1.0, 50.0
 
 MAGNETIC = "mti_ahrs"
 """Gyros that agree with an attitude show a good IMU. They say nothing of north, so no gyrocompass follows from them."""
-
-
-@dataclass(frozen=True)
-class _Found:
-    """What a log says of a key: its value, and how it was found."""
-
-    value: float
-    why: str
 
 
 def imu_errors(parts: Parts) -> Iterator[Entry]:
@@ -90,15 +81,15 @@ def nearest_grade(covers: dict[str, float]) -> Grade:
     return by_bias[-1]
 
 
-def _evidence(parts: Parts) -> dict[str, _Found]:
+def _evidence(parts: Parts) -> dict[str, Guess]:
     """What the log says, by key of the case."""
-    found: dict[str, _Found] = {}
+    found: dict[str, Guess] = {}
     gyros, pings, latitude_known = parts.gyros, parts.pings, isfinite(parts.latitude_rad)
     match = parts.dvl.match if parts.dvl.match is not None and parts.dvl.match.plausible else None
     if match is not None:
         excess = abs(match.gravity - 9.80665) / 9.80665 * 1e3
         value = round_up(min(max(excess, LEAST_BIAS_MG), MOST_BIAS_MG))
-        found["accel_bias_mg"] = _Found(value, f"gravity as integrated is {match.gravity:.3f} m/s²")
+        found["accel_bias_mg"] = Guess(value, f"gravity as integrated is {match.gravity:.3f} m/s²")
     if gyros is not None:
         offsets = np.rad2deg(gyros.offset_radps) * PER_HOUR
         sd = float(np.rad2deg(gyros.offset_sd_radps).max()) * PER_HOUR
@@ -106,30 +97,30 @@ def _evidence(parts: Parts) -> dict[str, _Found]:
         most = float(np.abs(offsets).max()) - (0.0 if latitude_known else EARTH_DEG_PER_H)
         axes = ", ".join(f"{x:.3g}" for x in offsets)
         if most > TOLD * sd:
-            found["gyro_bias_deg_per_h"] = _Found(
+            found["gyro_bias_deg_per_h"] = Guess(
                 float(f"{1.05 * max(most, LEAST_BIAS_DEG_PER_H):.2g}"),
                 f"the gyros are {axes} deg/h (± {sd:.2g}) off the recorded attitude's turns",
             )
         if gyros.noise_rad_rts > 0.0:
-            found["gyro_noise_deg_per_rt_h"] = _Found(
+            found["gyro_noise_deg_per_rt_h"] = Guess(
                 float(np.rad2deg(gyros.noise_rad_rts)) * PER_RT_HOUR,
                 f"over up to {gyros.lag_s:.2g} s the integrated gyros part from the attitude so, scale and low rate "
                 "included",
             )
         wander = float(np.rad2deg(gyros.wander_radps_rts))
         if wander > 0.0:
-            found["gyro_bias_walk_deg_per_s_per_rt_s"] = _Found(
+            found["gyro_bias_walk_deg_per_s_per_rt_s"] = Guess(
                 wander, "their offset from the attitude wanders so much between the segments of the dive"
             )
     if match is not None and "gyro_bias_deg_per_h" not in found:
         off = float(np.rad2deg(np.abs(match.part("gyro_bias")[:2]).max()) * PER_HOUR)
         sd = float(np.rad2deg(match.part_sd("gyro_bias")[:2].max()) * PER_HOUR)
-        found["gyro_bias_deg_per_h"] = _Found(
+        found["gyro_bias_deg_per_h"] = Guess(
             round_up(max(2.0 * off, 2.0 * sd, LEAST_BIAS_DEG_PER_H)),
             f"against the DVL's velocity the level gyros are {off:.3g} deg/h off",
         )
     if pings is not None and pings.force_mps_rts > 0.0:
-        found["accel_noise_mps_per_rt_h"] = _Found(
+        found["accel_noise_mps_per_rt_h"] = Guess(
             pings.force_mps_rts * PER_RT_HOUR,
             f"over one to eight pings ({pings.differences} of them) the integrated force parts so from their velocity",
         )

@@ -1,12 +1,14 @@
 """Units and axes by magnitude, gravity and rate, each with the reason that a case file states."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bottomlock.recordings.rig_segments import integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.replay.init.entries import Entry
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 ROOM = 1.35
@@ -18,21 +20,23 @@ FAST_RADPS = 6.0
 
 @dataclass(frozen=True)
 class Guess:
-    """A value, why, whether it is certain enough to be called guessed (else it is a question), and a factor to it."""
+    """A value, why, whether it is certain enough to be called guessed (else it is a question), and a factor to it.
 
-    value: str
-    why: str
+    Of a stream's clock it is the offset to the IMU's, s.
+    """
+
+    value: Any
+    why: str = ""
     known: bool = True
     factor: float = 1.0
 
+    def entry(self, key: str, asks: str = "") -> Entry:
+        """As the entry of a key, and the question that decides what is not known."""
+        return Entry(key, self.value, self.why, known=self.known, asks=asks)
 
-@dataclass(frozen=True)
-class Offset:
-    """A stream's clock against the IMU's, and why; `known` is false for a question."""
 
-    seconds: float = 0.0
-    why: str = ""
-    known: bool = True
+NOTHING = Guess(0.0)
+"""Of a clock that is the IMU's, and of a yaw that is true."""
 
 
 def force_unit(force: Floats) -> Guess | None:
@@ -46,11 +50,8 @@ def force_unit(force: Floats) -> Guess | None:
         if gravity / ROOM < size < gravity * ROOM:
             return Guess(unit, f"|f| has a median of {size:.4g}")
     if size > 1000.0 * ROOM:
-        return Guess(
-            "m/s2",
-            f"|f| has a median of {size:.4g} counts, taken to be gravity",
-            factor=STANDARD_GRAVITY_MPS2 / size,
-        )
+        why = f"|f| has a median of {size:.4g} counts, taken to be gravity"
+        return Guess("m/s2", why, factor=STANDARD_GRAVITY_MPS2 / size)
     return None
 
 
@@ -61,12 +62,9 @@ def omega_unit(time_ns: Integers, force_mps2: Floats, omega: Floats, hint: str) 
         time_ns, force_mps2, omega: (n,), (n, 3) in m/s², (n, 3) as recorded.
         hint: unit as the column's name states it.
     """
-    stated = {
-        "rad/s": "rad/s",
-        "deg/s": "deg/s",
+    stated = {unit: unit for unit in ("rad/s", "deg/s", "deg/h")} | {
         "°/s": "deg/s",
         "dps": "deg/s",
-        "deg/h": "deg/h",
         "rps": "rad/s",
     }
     p99 = float(np.nanpercentile(np.linalg.norm(omega, axis=1), 99))
@@ -86,16 +84,10 @@ def omega_unit(time_ns: Integers, force_mps2: Floats, omega: Floats, hint: str) 
     }
     best, other = sorted(rough, key=lambda one: rough[one])
     if rough[other] > 1.2 * rough[best]:
-        return Guess(
-            best,
-            f"gravity stays in place to {rough[best]:.3g} m/s in 20 s with it, to {rough[other]:.3g} with {other}",
-        )
-    unit = "rad/s" if p99 < 0.8 else "deg/s"
-    return Guess(
-        unit,
-        f"99 % of |ω| are below {p99:.3g}, and gravity does not decide: the vehicle hardly tilts",
-        known=False,
-    )
+        why = f"gravity stays in place to {rough[best]:.3g} m/s in 20 s with it, to {rough[other]:.3g} with {other}"
+        return Guess(best, why)
+    why = f"99 % of |ω| are below {p99:.3g}, and gravity does not decide: the vehicle hardly tilts"
+    return Guess("rad/s" if p99 < 0.8 else "deg/s", why, known=False)
 
 
 _RATES = {"rad/s": 1.0, "deg/s": DEG}

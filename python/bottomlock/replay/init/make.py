@@ -19,6 +19,7 @@ from bottomlock.replay.init.depth_part import guess_depth
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart, dvl_of_recording, dvl_of_velocity
 from bottomlock.replay.init.entries import FILES, Entry, placed, questions, toml_of
 from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import ImuPart, guess_imu
 from bottomlock.replay.init.positions import PositionPart, choose_positions, guess_positions
 from bottomlock.replay.init.rig import Parts, by_attitude, by_motion
@@ -192,11 +193,8 @@ def _check_pings(dvl: DvlPart, sources: Sources) -> None:
         assert dvl.found is not None  # one of them
         times = dvl.found.times.time_ns
         assert times is not None  # refused without
-        pings, rows, place = (
-            len(np.unique(np.maximum.accumulate(times))),
-            len(times),
-            str(dvl.found.table.path),
-        )
+        pings, rows = len(np.unique(np.maximum.accumulate(times))), len(times)
+        place = str(dvl.found.table.path)
     if pings < max(LEAST_RISING * rows, 2):
         raise DataError(
             f"has a time that rises in {pings} of {rows} pings", place=place,
@@ -213,10 +211,8 @@ def _made(sources: Sources, attitudes: list[Found]) -> ImuPart | None:
     if made is None:
         raise DataError(
             f"no file holds specific force and angular rate ({_held(sources)})",
-            hint=(
-                "a replay needs both, or an attitude with times: name the table of the IMU, with "
-                "columns such as ax, ay, az, wx, wy, wz"
-            ),
+            hint="a replay needs both, or an attitude with times: name the table of the IMU, with columns such as ax, "
+            "ay, az, wx, wy, wz",
         )
     return made
 
@@ -246,22 +242,20 @@ def with_declination(attitude: AttitudePart, positions: PositionPart | None) -> 
         attitude: as guessed; its yaw is taken to be magnetic.
         positions: any recorded positions, for the place.
     """
-    times, unknown = (
-        attitude.found.times,
-        "the yaw is taken to be true; of a magnetic one it is the declination",
-    )
+    times = attitude.found.times
+    unknown = "the yaw is taken to be true; of a magnetic one it is the declination"
     if (
         positions is None
         or not math.isfinite(positions.latitude_rad)
         or not times.epoch
         or times.time_ns is None
     ):
-        return replace(attitude, declination_why=unknown)
+        return replace(attitude, declination=Guess(0.0, unknown))
     year = 1970.0 + float(times.time_ns[0]) * 1e-9 / YEAR_S
     try:
         field = world_magnetic_model(positions.latitude_rad, positions.longitude_rad, year)
     except ScenarioError as error:
         reason = str(error).removeprefix("magnetometer: ")
-        return replace(attitude, declination_why=f"{unknown}. Not found: {reason}")
+        return replace(attitude, declination=Guess(0.0, f"{unknown}. Not found: {reason}"))
     why = f"declination of {year:.1f} (World Magnetic Model); 0 where the yaw is true"
-    return replace(attitude, declination_rad=field.declination_rad, declination_why=why)
+    return replace(attitude, declination=Guess(field.declination_rad, why))

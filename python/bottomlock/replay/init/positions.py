@@ -9,7 +9,7 @@ from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Guess, Offset, angle_unit
+from bottomlock.replay.init.guess import Guess, angle_unit
 
 LEAST_SD_M = 1.0
 """Positions of satellites wander by as much over minutes, which their scatter does not show."""
@@ -39,7 +39,7 @@ class PositionPart:
     found: Found
     columns: dict[str, Any] | None
     unit: Guess | None
-    offset: Offset
+    offset: Guess
     time_ns: Integers
     north_east_m: Floats
     resolution_m: float
@@ -66,7 +66,7 @@ class PositionPart:
         return f"resolution {self.resolution_m:.2g} m, scatter {self.scatter_m:.2g} m, {there}, {gaps}"
 
 
-def guess_positions(found: Found, pings_ns: Integers, offset: Offset) -> PositionPart | None:
+def guess_positions(found: Found, pings_ns: Integers, offset: Guess) -> PositionPart | None:
     """Unit and noise of positions on a clock; None with fewer than four.
 
     Args:
@@ -93,7 +93,7 @@ def guess_positions(found: Found, pings_ns: Integers, offset: Offset) -> Positio
     good = np.isfinite(place).all(axis=1) & np.concatenate([[True], np.diff(times) > 0])
     if good.sum() < 4:
         return None
-    place, own = place[good], times[good] + round(offset.seconds * 1e9)
+    place, own = place[good], times[good] + round(offset.value * 1e9)
     if found.kind == "geodetic":
         first = float(place[0, 0]), float(place[0, 1])
         place = tangent_from_geodetic(place[:, 0], place[:, 1], np.zeros(len(place)), Place(*first, 0.0))[

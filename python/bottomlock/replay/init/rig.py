@@ -19,6 +19,7 @@ from bottomlock.replay.init.attitude_part import AttitudePart, guess_attitude
 from bottomlock.replay.init.depth_part import DepthPart
 from bottomlock.replay.init.dvl_part import DvlPart, with_noise
 from bottomlock.replay.init.found import Found
+from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at
@@ -135,11 +136,7 @@ def by_motion(parts: Parts) -> Parts:
     imu, attitude = parts.imu, parts.attitude
     if attitude is not None:
         again = guess_attitude(attitude.found, imu, clock_offset(attitude.found, imu, parts.dvl))
-        if again is not None:
-            again = replace(
-                again, declination_rad=attitude.declination_rad, declination_why=attitude.declination_why
-            )
-        attitude = again
+        attitude = None if again is None else replace(again, declination=attitude.declination)
     rates = turns(imu, attitude, interval_s, parts.latitude_rad)
     pings = ping_noise(recorded(imu, parts.dvl, rates.omega_p_radps))
     if rates.of_attitude and rates.gyros is not None and pings is not None:
@@ -244,11 +241,8 @@ def _placed(
     elif felt is not None and _sure(felt, off):
         dvl = dvl.turned(turned)
     else:
-        dvl = dvl.saying(
-            "mounting",
-            f"as the geometry states it, and it moves as if turned by {_angles(turned)}",
-            "instrument",
-        )
+        moves = f"as the geometry states it, and it moves as if turned by {_angles(turned)}"
+        dvl = dvl.saying("mounting", moves, "instrument")
     return dvl, imu.with_axes(imu.axes, imu.axes_why, known=imu.axes_known or of_quarter)
 
 
@@ -310,7 +304,7 @@ def true_or_magnetic(
         felt: the velocity against the inertial readings, where these tell its axes.
     """
     expected = 0.0 if felt is None else _heading(felt.turned)
-    without = track.angle_rad + attitude.declination_rad
+    without = track.angle_rad + attitude.declination.value
     off = [
         float(np.angle(np.exp(1j * (yaw - expected)))) / track.sd_rad for yaw in (track.angle_rad, without)
     ]
@@ -318,10 +312,9 @@ def true_or_magnetic(
         return attitude, track
     why = (
         "the yaw is true: the track follows the positions without the declination of "
-        f"{np.rad2deg(attitude.declination_rad):+.1f} deg, which yaw_offset_deg would add"
+        f"{np.rad2deg(attitude.declination.value):+.1f} deg, which yaw_offset_deg would add"
     )
-    attitude = replace(attitude, declination_rad=0.0, declination_why=why)
-    return attitude, replace(track, angle_rad=without)
+    return replace(attitude, declination=Guess(0.0, why)), replace(track, angle_rad=without)
 
 
 def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPart | None) -> TrackFit | None:
@@ -356,4 +349,4 @@ def _matched(dvl: DvlPart, match: Match | None) -> DvlPart:
         return dvl
     words = f"the DVL's velocity follows the IMU best when moved by {clock:+.3f} ± {sd:.2g} s"
     why = f"{dvl.offset.why}; {words}" if dvl.offset.why else words
-    return replace(dvl, offset=replace(dvl.offset, seconds=dvl.offset.seconds + clock, why=why))
+    return replace(dvl, offset=replace(dvl.offset, value=dvl.offset.value + clock, why=why))

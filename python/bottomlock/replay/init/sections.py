@@ -19,7 +19,7 @@ from bottomlock.replay.init.dvl_part import DvlPart
 from bottomlock.replay.init.entries import FILES, Beside, Entry, questions, remark
 from bottomlock.replay.init.errors import attitude_noise, imu_errors, vehicle_prior
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import Offset, round_up
+from bottomlock.replay.init.guess import Guess, round_up
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.init.rig import Parts
@@ -110,9 +110,9 @@ def _unordered(time_ns: Integers | None) -> dict[str, str]:
     return {} if time_ns is None or (np.diff(time_ns) > 0).all() else {"unordered": "drop"}
 
 
-def _clock(section: str, clock: dict[str, Any], offset: Offset, why: str = "") -> Entry:
+def _clock(section: str, clock: dict[str, Any], offset: Guess, why: str = "") -> Entry:
     """The clock of a stream, with the reasons of its times and of its offset."""
-    moved = {"offset_s": round(float(offset.seconds), 6)} if offset.seconds else {}
+    moved = {"offset_s": round(float(offset.value), 6)} if offset.value else {}
     words = "; ".join(filter(None, (why, offset.why)))
     return Entry(f"{section}.clock", clock | moved, words, known=offset.known, asks="dive")
 
@@ -164,10 +164,8 @@ def _imu(imu: ImuPart) -> Iterator[Entry]:
         if "interval" in names:
             yield Entry("imu.interval", names["interval"])
     else:
-        yield Entry("imu.force_unit", imu.force.value, imu.force.why)
-        yield Entry(
-            "imu.omega_unit", imu.omega.value, imu.omega.why, known=imu.omega.known, asks="instrument"
-        )
+        yield imu.force.entry("imu.force_unit")
+        yield imu.omega.entry("imu.omega_unit", "instrument")
     why = imu.axes_why
     if not imu.axes_known:
         why += ": forward, right, down; gravity does not show which axis looks forward"
@@ -205,15 +203,15 @@ def _dvl(dvl: DvlPart) -> Iterator[Entry]:
         yield Entry("dvl.velocity", [names[f"v{k}"] for k in range(3)])
         if dvl.axes != UNCHANGED_AXES:
             yield Entry("dvl.axes", dvl.axes, "the velocity follows the IMU in left-handed axes alone")
-        yield Entry("dvl.velocity_unit", dvl.unit, dvl.unit_why, known=dvl.unit_known, asks="instrument")
+        yield dvl.unit.entry("dvl.velocity_unit", "instrument")
         if "valid" in names:
             yield Entry("dvl.valid", names["valid"])
-    yield Entry("dvl.geometry", _geometry(dvl), dvl.geometry_why, known=dvl.geometry_known, asks="instrument")
+    yield replace(dvl.geometry, value=_geometry(dvl)).entry("dvl.geometry", "instrument")
     if dvl.mounting_why:
         angles = ", ".join(f"{angle:g}" for angle in dvl.mounting_deg)
         yield remark("dvl", f"mounting (roll, pitch, yaw) is {angles} deg: {dvl.mounting_why}")
     if dvl.noise is not None:
-        yield Entry("dvl.beam_noise_mps", *dvl.noise)
+        yield dvl.noise.entry("dvl.beam_noise_mps")
     yield from dvl.further
     yield from _departures(dvl)
 
@@ -234,10 +232,10 @@ def _dvl_errors() -> Iterator[Entry]:
 def _geometry(dvl: DvlPart) -> str | Beside:
     """A packaged name, or a file beside the case where directions or mounting are the log's own."""
     if not dvl.geometry_text and not any(dvl.mounting_deg):
-        return dvl.geometry
+        return str(dvl.geometry.value)
     angles = zip(RPY, dvl.mounting_deg, strict=True)
     lines = [f"mounting_{name}_deg = {angle}\n" for name, angle in angles if angle]
-    text = "".join(lines) + (dvl.geometry_text or geometry_text(dvl.geometry))
+    text = "".join(lines) + (dvl.geometry_text or geometry_text(dvl.geometry.value))
     return Beside("dvl", lambda path: write_text(path, text), ".toml")
 
 
@@ -269,11 +267,11 @@ def _depth(parts: Parts) -> Iterator[Entry]:
     yield _clock("depth", clock, depth.offset, depth.found.times.why)
     yield Entry("depth.column", next(iter(names.values())))
     asks = "instrument" if depth.found.kind == "pressure" else ""
-    yield Entry("depth.unit", depth.unit.value, depth.unit.why, known=depth.unit.known, asks=asks)
+    yield depth.unit.entry("depth.unit", asks)
     if depth.up is not None:
-        yield Entry("depth.up", value=True, why=depth.up.why)
+        yield depth.up.entry("depth.up")
     if depth.offset_m is not None:
-        yield Entry("depth.offset_m", float(depth.offset_m.value), depth.offset_m.why)
+        yield depth.offset_m.entry("depth.offset_m")
     yield Entry("depth.sd_m", depth.sd_m, "twice the scatter from reading to reading")
     if depth.waves is not None:
         why = "it moves so with a mean period of some seconds, and the accelerometers do not"
@@ -292,15 +290,13 @@ def _attitude(parts: Parts) -> Iterator[Entry]:
     yield _clock("attitude", clock, attitude.offset, found.times.why)
     for part in RPY:
         yield Entry(f"attitude.{part}", names[part])
-    yield Entry(
-        "attitude.unit", attitude.unit.value, attitude.unit.why, known=attitude.unit.known, asks="heading"
-    )
+    yield attitude.unit.entry("attitude.unit", "heading")
     frame = attitude.frame
     if parts.imu.made:
         why = "no gyros tell it: the yaw is clockwise from north, and nose up is positive"
         yield Entry("attitude.frame", "ned_frd", why, known=False, asks="heading")
     else:
-        yield Entry("attitude.frame", frame.value, frame.why, known=frame.known, asks="heading")
+        yield frame.entry("attitude.frame", "heading")
     if attitude.quarters:
         why = "the gyros roll and pitch with it when it is turned so"
         yield Entry("attitude.mounting_yaw_deg", 90.0 * attitude.quarters, why)
@@ -319,7 +315,7 @@ def _attitude(parts: Parts) -> Iterator[Entry]:
 
 
 def _declination(attitude: AttitudePart, *, referenced: bool) -> Iterator[Entry]:
-    why, offset_deg = attitude.declination_why, round(float(np.rad2deg(attitude.declination_rad)), 2)
+    why, offset_deg = attitude.declination.why, round(float(np.rad2deg(attitude.declination.value)), 2)
     if offset_deg or (why and not referenced):
         yield Entry("attitude.yaw_offset_deg", offset_deg, why, known=False, asks="heading")
     elif why:
@@ -366,8 +362,7 @@ def _position(found: PositionPart, section: str) -> tuple[list[Entry], dict[str,
     places = ("latitude", "longitude", "height", "north", "east", "down")
     entries += [Entry(f"{section}.{part}", names[part]) for part in places if part in names]
     if found.unit is not None:
-        unit = found.unit
-        entries.append(Entry(f"{section}.angle_unit", unit.value, unit.why, known=unit.known, asks="where"))
+        entries.append(found.unit.entry(f"{section}.angle_unit", "where"))
     return entries, names
 
 

@@ -25,8 +25,8 @@ def start(parts: Parts) -> Iterator[Entry]:
     if attitude is not None and from_attitude:
         times = attitude.found.times.time_ns
         assert times is not None  # guessed from them
-        earliest_s = max(earliest_s, (int(times[0]) - begin) * 1e-9 + attitude.offset.seconds + 0.02)
-    pings_s = (parts.dvl.time_ns - begin) * 1e-9 + parts.dvl.offset.seconds
+        earliest_s = max(earliest_s, (int(times[0]) - begin) * 1e-9 + attitude.offset.value + 0.02)
+    pings_s = (parts.dvl.time_ns - begin) * 1e-9 + parts.dvl.offset.value
     later = pings_s[(pings_s >= earliest_s) & (pings_s < length_s)]
     at_s = float(later[0]) + 0.02 if later.size else earliest_s
     why = "the first ping with a whole velocity after the sensors have begun" if later.size else ""
@@ -69,5 +69,5 @@ def _depth_at(parts: Parts, at_s: float) -> float:
     good = np.flatnonzero(np.isfinite(depth.depth_m))
     if not good.size:
         return 0.0
-    seconds = (times[good] - int(parts.imu.time_ns[0])) * 1e-9 + depth.offset.seconds
+    seconds = (times[good] - int(parts.imu.time_ns[0])) * 1e-9 + depth.offset.value
     return float(depth.depth_m[good[int(np.argmin(np.abs(seconds - at_s)))]])
