@@ -5,7 +5,7 @@ import pytest
 
 from bottomlock.errors import KernelError
 from bottomlock.kernel import integrate_segments
-from bottomlock.recordings.rig_segments import integrate
+from bottomlock.recordings.rig_motion import integrate
 from bottomlock.recordings.streams import Inertial
 from tests.oracle.rotations import Array, exp_rotation
 

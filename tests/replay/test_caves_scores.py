@@ -10,8 +10,7 @@ from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.kernel import solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
-from bottomlock.replay.robust_fix import solve_robust, solve_scaled
-from bottomlock.replay.screen_beams import OUTLIER_TESTS
+from bottomlock.replay.robust_fix import OUTLIER_TESTS, solve_robust, solve_scaled
 
 pytestmark = pytest.mark.recordings
 

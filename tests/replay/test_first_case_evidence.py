@@ -22,8 +22,7 @@ from bottomlock.replay.case import Case, WhatIf, load_case
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.motion.gyros import match_gyros, turns_of
-from bottomlock.replay.motion.ping_noise import beam_noise, ping_noise, tilt_of_noise
-from bottomlock.replay.motion.pings import ping_velocity
+from bottomlock.replay.motion.pings import beam_noise, ping_noise, ping_velocity, tilt_of_noise
 from bottomlock.replay.run import replay_case
 from tests import recorded_dives
 from tests.dive import Dive, drawn_dive

@@ -9,8 +9,7 @@ from scipy.stats import norm, t
 
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
-from bottomlock.replay.robust_fix import ping_noise, solve_scaled
-from bottomlock.replay.screen_beams import Screened, screen_beams
+from bottomlock.replay.robust_fix import Screened, ping_noise, screen_beams, solve_scaled
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 SD = np.full(4, 0.02)

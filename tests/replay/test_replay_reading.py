@@ -24,8 +24,8 @@ from bottomlock.recordings.stream_sections import Clock, SensorStream
 from bottomlock.replay import rerun
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.model import kernel_options
+from bottomlock.replay.read_tables import stream_of
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.sensor_values import stream_of
 from tests.oracle import geodesy
 from tests.oracle.rotations import matrix_from_euler
 from tests.replay.test_replay_case import LEAST

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from bottomlock.kernel import BeamGeometry, solve_velocity
 from bottomlock.replay.beam_noise import GAUSSIAN, measure_noise
-from bottomlock.replay.robust_fix import solve_robust, solve_scaled
-from bottomlock.replay.screen_beams import OUTLIER_TESTS, outlier_of
+from bottomlock.replay.robust_fix import OUTLIER_TESTS, outlier_of, solve_robust, solve_scaled
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 B = np.asarray(JANUS.directions_p)

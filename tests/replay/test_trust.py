@@ -14,10 +14,10 @@ from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
-from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.limits import FALSE_ALARM, LIMIT, TIMES
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import Sway, _own
+from bottomlock.replay.findings.tracks import Agreement, agreements
 from bottomlock.replay.findings.trust import Evidence, Reference, against_reference, answer_of
 from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
 from bottomlock.replay.run import replay_case

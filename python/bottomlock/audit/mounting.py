@@ -18,8 +18,8 @@ from bottomlock.io.calibrated_file import ANGLES
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.axes import from_angles, to_angles
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded
+from bottomlock.recordings.rig_motion import Tracked
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
-from bottomlock.recordings.rig_tracked import Tracked
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Inertial, integrals
 from bottomlock.statistics.rms import rms

@@ -12,10 +12,9 @@ from bottomlock.cli.console import console, errors, late_bar, narrow_table, say
 from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
-from bottomlock.replay.tune.judge import SUM_S, Judged, Term
 from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
 from bottomlock.replay.tune.result import record_of, require_free, write_tuned
-from bottomlock.replay.tune.run import Tuned, TunedParameter, tune_case
+from bottomlock.replay.tune.run import SUM_S, Judged, Term, Tuned, TunedParameter, tune_case
 
 
 def tune(

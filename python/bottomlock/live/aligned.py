@@ -18,7 +18,6 @@ from bottomlock.live.estimator import solve_ping
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.sections import ImuFromAttitude, StartSection
 from bottomlock.recordings.attitude_motion import MotionFromAttitude
-from bottomlock.recordings.levelling import level_from_force
 from bottomlock.recordings.readings import (
     AttitudeReading,
     DepthReading,
@@ -32,6 +31,7 @@ from bottomlock.recordings.rotation import (
     QUATERNION_ENU_NED,
     QUATERNION_FLU_FRD,
     angles,
+    level_from_force,
     matrix,
     product,
     quaternion,

@@ -14,9 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bottomlock.recordings.rig_at import AtPings, applied
-from bottomlock.recordings.rig_segments import LEAST_PINGS, Segments, integrate
-from bottomlock.recordings.rig_tracked import Tracked
+from bottomlock.recordings.rig_motion import LEAST_PINGS, AtPings, Segments, Tracked, applied, integrate
 from bottomlock.recordings.robust import correlation_blocks, sd_about_median, sd_about_zero
 from bottomlock.recordings.rotation import rotation_matrices
 from bottomlock.recordings.streams import Floats, Inertial, Integers

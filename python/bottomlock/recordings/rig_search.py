@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
-from bottomlock.recordings.rig_segments import LEAST_PINGS, Segments
-from bottomlock.recordings.rig_tracked import Tracked
+from bottomlock.recordings.rig_motion import LEAST_PINGS, Segments, Tracked
 from bottomlock.recordings.rotation import rotation_matrices
 from bottomlock.recordings.streams import Floats
 

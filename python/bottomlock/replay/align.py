@@ -11,7 +11,7 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.kernel.models import Environment, ImuModel
 from bottomlock.recordings.axes import from_angles, to_angles
-from bottomlock.recordings.levelling import level_from_force
+from bottomlock.recordings.rotation import level_from_force
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Floats, Inertial, Times
 from bottomlock.replay.case import FROM_REFERENCE, Case

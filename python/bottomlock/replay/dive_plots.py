@@ -12,7 +12,7 @@ from bottomlock.figures.series import Floats, Frame, Times, Track, View, frame_o
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
-from bottomlock.replay.findings.against_reckoning import TRUSTED
+from bottomlock.replay.findings.tracks import TRUSTED
 from bottomlock.replay.panels import (
     REFERENCE_COLOUR,
     beams_panel,

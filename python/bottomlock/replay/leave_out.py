@@ -21,8 +21,7 @@ from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
-from bottomlock.replay.robust_fix import solve_scaled
-from bottomlock.replay.screen_beams import screen_beams
+from bottomlock.replay.robust_fix import screen_beams, solve_scaled
 from bottomlock.statistics.rms import rms
 from bottomlock.tables.replay import SCORES
 

@@ -40,9 +40,8 @@ from bottomlock.recordings.streams import (
 from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.read_tables import read_stream, read_water
+from bottomlock.replay.read_tables import ANGLE_SI, read_stream, read_water, stream_of
 from bottomlock.replay.screen_aiding import screened
-from bottomlock.replay.sensor_values import ANGLE_SI, stream_of
 from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 

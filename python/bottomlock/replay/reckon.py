@@ -26,8 +26,7 @@ from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun
-from bottomlock.replay.robust_fix import solve_scaled
-from bottomlock.replay.screen_beams import screen_beams
+from bottomlock.replay.robust_fix import screen_beams, solve_scaled
 
 HOLE_S, CARRIED_S = 5.0, 0.2
 """Gap between attitudes that the gyros bridge, and the interval of what they make of it."""

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.errors import DataError
+from bottomlock.errors import BottomlockError, DataError
+from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import rejected_imu, replay_log
 from bottomlock.kernel.models import ImuModel, InitialModel, InitialState, Model, Options
 from bottomlock.plant.beam_loss import scheduled
@@ -273,3 +274,38 @@ def beams_returned(what_if: WhatIf, time_ns: Times, beams: int, *, start_ns: int
                 f"beam {beam} does not exist", place=f"what_if '{what_if.name}'", expected=f"1 to {beams}"
             )
     return scheduled(time_ns - start_ns, beams, what_if.beams_lost, what_if.outages)
+
+
+def check_files(case: Case) -> None:
+    """Checks that every file of a case is there and that its geometry is right.
+
+    Raises:
+        DataError: naming every file at fault and the geometry, a line each.
+    """
+    files: dict[str, str] = {}
+    for section, path in case.files().items():
+        if not path.is_file():
+            files[str(path)] = f"{files[str(path)]}, [{section}]" if str(path) in files else f"[{section}]"
+    faults = [f"{path}: no such file, named in {sections}" for path, sections in files.items()]
+    try:
+        read_geometry(case.dvl.geometry)
+    except BottomlockError as error:
+        faults.append(str(error))
+    if faults:
+        raise DataError("\n".join(faults))
+
+
+def check_what_ifs(case: Case, prepared: PreparedRun) -> None:
+    """Checks the beams of each what-if case.
+
+    Raises:
+        DataError: for each what-if case at fault, a line each.
+    """
+    faults = []
+    for what_if in case.what_if:
+        try:
+            returned(prepared, what_if)
+        except DataError as error:
+            faults.append(str(error))
+    if faults:
+        raise DataError("\n".join(faults))

@@ -1,4 +1,15 @@
-"""Velocity fixes of recorded pings with the noise that the log shows and without the outliers that it identifies."""
+"""Velocity fixes of recorded pings with the noise that the log shows, without the outliers that it identifies.
+
+Outliers are found by the closure and identified by the pings around. A ping with more beams than unknowns is tested:
+(Nᵀy)ᵀ(NᵀR N)⁻¹(Nᵀy) is chi-squared with as many degrees of freedom as there are redundant beams, N the left null
+space of the valid beams. Four beams alone cannot identify the outlier, so the velocity of the pings around it
+predicts the beams. With z = y − B v and S = B D Bᵀ + R, leaving beam i out reduces zᵀS⁻¹z by w_i² =
+(S⁻¹z)_i²/(S⁻¹)_ii (Baarda 1968). The largest is rejected where it stands out from the second, and the rest is tested
+again. Otherwise no beam is rejected and the noise of all beams is scaled by the closure. The scale of both tests is
+the measured noise of good pings, that of the least noisy group.
+
+These are the tests of the filter (`crates/bottomlock/src/aiding/outliers.rs`) with pings in place of the INS.
+"""
 
 import dataclasses
 from dataclasses import dataclass
@@ -6,11 +17,148 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes, solve_velocity
+from bottomlock.kernel import STATUS, BeamGeometry, FixMethod, VelocityFixes, solve_velocity
+from bottomlock.recordings.closure import closure_rows
+from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import MOST_DEGREES, BeamNoise, measure_noise, student_halfwidths
-from bottomlock.replay.screen_beams import OUTLIER_TESTS, Screened, screen_beams
+
+GATE = 0.9973
+"""Probability with which a good ping passes, if the noise is Gaussian at its measured scale."""
+STANDS_OUT = 2.0 * np.log(20.0)
+"""Least w² of the outlier above that of any other beam: odds of 20 to 1."""
+AROUND = 2
+"""Number of pings before and after that predict a ping's velocity."""
+AROUND_S = 5.0
+"""Longest time from a ping to one that predicts it."""
+FEWEST_PASSED = 20
+"""Fewest passed pings from which the scatter of the prediction is taken."""
+
+OUTLIER_TESTS = ("untested", "passed", "beam_rejected", "down_weighted")
+"""Outcome of a ping's test for outliers: without redundant beams, passed, the outlier identified and rejected, or a
+closure beyond its gate of which no beam could be identified as the cause."""
+UNTESTED, PASSED, REJECTED, DOWN_WEIGHTED = range(len(OUTLIER_TESTS))
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """Pings after the test.
+
+    Attributes:
+        valid: (n, B) validity without rejected beams.
+        factor: (n,) noise over the claimed noise; above that of the log in down-weighted pings.
+        outcome: (n,) index into `OUTLIER_TESTS`.
+        expected_mps: (n, 3) velocity that the pings around predict, NaN without any.
+        scatter_m2ps2: (3, 3) scatter of passed pings about it.
+    """
+
+    valid: Flags
+    factor: Floats
+    outcome: Times
+    expected_mps: Floats
+    scatter_m2ps2: Floats
+
+
+def screen_beams(
+    geometry: BeamGeometry,
+    time_ns: Times,
+    velocity_mps: Floats,
+    valid: Flags,
+    sd_mps: Floats,
+    noise: BeamNoise,
+) -> Screened:
+    """Tests every ping with redundant beams; `sd_mps` (B,) is the claimed noise."""
+    B = np.asarray(geometry.directions_p)
+    kept, factor = valid.copy(), noise.factor.copy()
+    sd = sd_mps * noise.factor.min(initial=np.inf)
+    statistic, degrees = closure_statistic(B, velocity_mps, kept, sd)
+    passes = statistic <= chi2.ppf(GATE, np.maximum(degrees, 1))
+    outcome = np.where(degrees == 0, UNTESTED, np.where(passes, PASSED, DOWN_WEIGHTED)).astype(np.int64)
+    expected, D = _from_pings_around(geometry, time_ns, velocity_mps, valid, outcome, sd_mps)
+    for k in np.flatnonzero(outcome == DOWN_WEIGHTED):
+        rows = valid[k].copy()
+        while True:
+            q, left = _closure(B[rows], velocity_mps[k, rows], sd[rows])
+            if left == 0 or q <= chi2.ppf(GATE, left):
+                kept[k], outcome[k] = rows, REJECTED
+                break
+            beams = np.flatnonzero(rows)
+            z = velocity_mps[k, beams] - B[beams] @ expected[k]
+            worst = outlier_of(B[beams], z, D, sd[beams])
+            if worst is None:
+                factor[k] = max(factor[k], noise.factor.min() * float(np.sqrt(statistic[k] / degrees[k])))
+                break
+            rows[beams[worst]] = False
+    return Screened(kept, factor, outcome, expected, D)
+
+
+def outlier_of(B: Floats, z: Floats, D: Floats, sd_mps: Floats) -> int | None:
+    """Index of the beam with the largest w², or None where it does not stand out or nothing was predicted.
+
+    Args:
+        B: (m, 3) directions.
+        z: (m,) readings minus prediction; NaN without a prediction.
+        D: (3, 3) covariance of the prediction.
+        sd_mps: (m,) noise of the beams.
+    """
+    if not np.isfinite(z).all():
+        return None
+    weight = np.linalg.inv(B @ D @ B.T + np.diag(sd_mps**2))
+    w2 = (weight @ z) ** 2 / np.diag(weight)
+    second, first = np.sort(w2)[-2:]
+    stands_out = first > chi2.ppf(GATE, 1) and first - second > STANDS_OUT
+    return int(np.argmax(w2)) if stands_out else None
+
+
+def closure_statistic(B: Floats, velocity_mps: Floats, valid: Flags, sd_mps: Floats) -> tuple[Floats, Times]:
+    """Closure test statistic (n,) of the valid beams with noise `sd_mps` (B,), and its degrees of freedom (n,)."""
+    statistic, degrees = np.zeros(len(valid)), np.zeros(len(valid), dtype=np.int64)
+    for rows in np.unique(valid, axis=0):
+        same = (valid == rows).all(axis=1)
+        statistic[same], degrees[same] = _closure(B[rows], velocity_mps[same][:, rows], sd_mps[rows])
+    return statistic, degrees
+
+
+def _closure(B: Floats, y: Floats, sd_mps: Floats) -> tuple[Floats, int]:
+    """Statistic of readings y (..., m) along directions B (m, 3), and its degrees of freedom."""
+    if not len(B):
+        return np.zeros(y.shape[:-1]), 0
+    N = closure_rows(B).T
+    residual = y @ N
+    weighted = residual @ np.linalg.inv(N.T @ (N * sd_mps[:, None] ** 2)) if N.shape[1] else residual
+    return np.asarray((residual * weighted).sum(axis=-1)), N.shape[1]
+
+
+def _from_pings_around(
+    geometry: BeamGeometry, time_ns: Times, velocity_mps: Floats, valid: Flags, outcome: Times, sd_mps: Floats
+) -> tuple[Floats, Floats]:
+    """Velocity (n, 3) as the median of passed pings before and after, NaN without any, and its scatter (3, 3).
+
+    The scatter is that of passed pings about their own prediction: how far the vehicle's velocity changes meanwhile.
+    """
+    fixes = solve_velocity(geometry, velocity_mps, valid, method="lc", beam_sd_mps=sd_mps)
+    passed = np.flatnonzero((outcome == PASSED) & (fixes.status == STATUS.index("fix")))
+    expected = np.full((len(time_ns), 3), np.nan)
+    if len(passed) < FEWEST_PASSED:
+        return expected, np.eye(3)
+    place = np.searchsorted(passed, np.arange(len(time_ns)))
+    itself = np.isin(np.arange(len(time_ns)), passed)
+    near = []
+    for step in range(-AROUND, AROUND):
+        at = place + step + (itself & (step >= 0))
+        there = passed[np.clip(at, 0, len(passed) - 1)]
+        apart_s = np.abs(time_ns[there] - time_ns) * 1e-9
+        usable = (at >= 0) & (at < len(passed)) & (apart_s <= AROUND_S)
+        near.append(np.where(usable[:, None], fixes.velocity_p_mps[there], np.nan))
+    some = np.isfinite(near).any(axis=(0, 2))
+    expected[some] = np.nanmedian(np.array(near)[:, some], axis=0)
+    change = fixes.velocity_p_mps[passed] - expected[passed]
+    change = change[np.isfinite(change).all(axis=1)]
+    if len(change) < FEWEST_PASSED:
+        return np.full_like(expected, np.nan), np.eye(3)
+    return expected, np.diag(sd_about_zero(change, axis=0) ** 2 + 1e-12)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,6 @@ from bottomlock.files.records import read_record, write_record
 from bottomlock.kernel import KernelError
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay import compare, rerun
-from bottomlock.replay.beforehand import check_files, check_what_ifs
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case, WhatIf
 from bottomlock.replay.findings.attitude_checks import attitude_findings, attitude_turns, start_words
@@ -67,14 +66,14 @@ def replay_case(
         KernelError: naming field, row and time.
     """
     started = time.perf_counter()
-    check_files(case)
+    rerun.check_files(case)
     streams = read_streams(case)
-    check_what_ifs(case, streams)
+    prepared = rerun.prepare(case, streams)
+    rerun.check_what_ifs(case, prepared)
     progress(0)
     parts: dict[str, list[pl.DataFrame]] = {name: [] for name in PARTS}
     imu_faults: list[str] = []
     sensors: dict[str, list[SensorRow]] = {}
-    prepared = rerun.prepare(case, streams)
     log = measured(prepared)
     cases = [(RECORDED, None), *((what_if.name, what_if) for what_if in case.what_if)]
     for done, (name, what_if) in enumerate(cases, 1):

@@ -1,11 +1,14 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
-from bottomlock.recordings.rig_segments import LENGTH_S
+from bottomlock.recordings.rig_motion import LENGTH_S
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
@@ -128,18 +131,17 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     speed = np.interp(
         time_ns * 1e-9, recorded.time_ns * 1e-9, np.linalg.norm(recorded.velocity_p_mps[:, :2], axis=1)
     )
-    xs, ys, zs = [], [], []
-    for one in np.unique(segment):
-        rows = segment == one
-        if rows.sum() < 4:
-            continue
-        steps = np.diff(time_ns[rows]) * 1e-9
-        sunk, gone = (_summed(rate[rows], steps) for rate in (down_mps, speed))
-        xs.append(sunk)
-        ys.append(depth[rows] - depth[rows].mean())
-        zs.append(gone)
-    if not xs:
+    parts = []
+    for rows in (np.flatnonzero(segment == one) for one in np.unique(segment)):
+        if len(rows) >= 4:
+            seconds = time_ns[rows] * 1e-9 - time_ns[rows[0]] * 1e-9
+            sunk, gone = (
+                cumulative_trapezoid(rate[rows], seconds, initial=0.0) for rate in (down_mps, speed)
+            )
+            parts.append([values - values.mean() for values in (sunk, depth[rows], gone)])
+    if not parts:
         return None
+    xs, ys, zs = zip(*parts, strict=True)
     # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
     tilt = float(match.part_sd("rotation")[:2].max())
     leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
@@ -181,13 +183,7 @@ def _nearest_slope(forward: tuple[float, float], inverse: tuple[float, float]) -
     return (high, high_sd) if high < 1.0 else None
 
 
-def _summed(rate: Floats, steps: Floats) -> Floats:
-    """Integral of a rate over steps, less its mean."""
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps)])
-    return np.asarray(total - total.mean())
-
-
-def _slope(xs: list[Floats], ys: list[Floats], leak: float) -> tuple[float, float]:
+def _slope(xs: Sequence[Floats], ys: Sequence[Floats], leak: float) -> tuple[float, float]:
     """Slope of y over x by least squares, and its sigma: segments, not the values within them, are independent.
 
     `leak` is the sigma of the sum of products from an error that all segments share.
@@ -200,24 +196,17 @@ def _slope(xs: list[Floats], ys: list[Floats], leak: float) -> tuple[float, floa
 
 def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Finding | None:
     """Heading at the start against the recorded attitude or the reference, where neither gave it."""
-    for name, section, recorded in (
-        ("reference", case.reference, None if streams.reference is None else streams.reference.attitude),
-        ("attitude", case.attitude, None if streams.attitudes is None else streams.attitudes.attitude),
-    ):
-        if section is None or recorded is None or case.start.heading == name:
+    attitude_sd_deg = 0.0 if case.attitude is None else case.attitude.yaw_sd_deg
+    for name, stream, sd_deg in (
+        ("reference", streams.reference, 1.0), ("attitude", streams.attitudes, attitude_sd_deg)
+    ):  # fmt: skip
+        if stream is None or stream.attitude is None or case.start.heading == name:
             continue
-        stream = streams.reference if name == "reference" else streams.attitudes
-        assert stream is not None  # it has attitudes
         row = int(np.argmin(np.abs(stream.time_ns - alignment.time_ns)))
         if abs(int(stream.time_ns[row]) - alignment.time_ns) > 2e9:
             continue
-        yaw = float((recorded[row] * alignment.attitude.inv()).as_rotvec()[2])
-        other = (
-            np.deg2rad(case.attitude.yaw_sd_deg)
-            if name == "attitude" and case.attitude is not None
-            else np.deg2rad(1.0)
-        )
-        sd = float(np.hypot(alignment.attitude_sd_rad[2], other))
+        yaw = float((stream.attitude[row] * alignment.attitude.inv()).as_rotvec()[2])
+        sd = float(np.hypot(alignment.attitude_sd_rad[2], np.deg2rad(sd_deg)))
         if abs(yaw) < SIGMAS * sd:
             continue
         return Finding(

@@ -17,7 +17,6 @@ from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.attitude_inertial import at_imu, whole_pings
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
-from bottomlock.replay.findings.against_reckoning import Agreement, agreements
 from bottomlock.replay.findings.attitude_checks import (
     AttitudeTurns,
     attitude_findings,
@@ -28,7 +27,7 @@ from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
-from bottomlock.replay.findings.track_checks import fits, track_finding
+from bottomlock.replay.findings.tracks import Agreement, agreements, fits, track_finding
 from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
 from bottomlock.replay.findings.verdict import (
     ABSORBED,

@@ -13,7 +13,6 @@ import polars as pl
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
-from bottomlock.replay.findings.against_reckoning import TRUSTED, Agreement, metres
 from bottomlock.replay.findings.limits import (
     AXES,
     FEWEST_READINGS,
@@ -27,6 +26,7 @@ from bottomlock.replay.findings.limits import (
 )
 from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
 from bottomlock.replay.findings.sway import Sway
+from bottomlock.replay.findings.tracks import TRUSTED, Agreement, metres
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
 from bottomlock.tables.replay import FORWARD
 

@@ -13,7 +13,6 @@ from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment, Robust
 from bottomlock.recordings.finding import Finding, Severity
 from bottomlock.recordings.robust import correlation_rows
-from bottomlock.replay.findings.against_reckoning import Agreement, metres
 from bottomlock.replay.findings.limits import (
     HIGH_RATIO,
     MANY_REJECTED,
@@ -21,6 +20,7 @@ from bottomlock.replay.findings.limits import (
     WRONG_RATIO,
     WRONG_REJECTED,
 )
+from bottomlock.replay.findings.tracks import Agreement, metres
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
 from bottomlock.tables.replay import FORWARD
 

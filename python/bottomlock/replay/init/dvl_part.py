@@ -21,8 +21,14 @@ from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.entries import Entry
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
-from bottomlock.replay.motion.ping_noise import PingNoise, beam_noise, tilt_of_noise
-from bottomlock.replay.motion.pings import BetterOrder, better_order, ping_velocity
+from bottomlock.replay.motion.pings import (
+    BetterOrder,
+    PingNoise,
+    beam_noise,
+    better_order,
+    ping_velocity,
+    tilt_of_noise,
+)
 
 SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60

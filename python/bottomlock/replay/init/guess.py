@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.recordings.rig_segments import integrate
+from bottomlock.recordings.rig_motion import integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.init.entries import Entry

@@ -23,7 +23,7 @@ from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.positions import PositionPart
 from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at
-from bottomlock.replay.motion.ping_noise import PingNoise, ping_noise
+from bottomlock.replay.motion.pings import PingNoise, ping_noise
 from bottomlock.replay.vehicle_motion import vehicle_motion
 
 
@@ -64,14 +64,10 @@ class Parts:
         )
 
 
-def recorded(
-    imu: ImuPart, dvl: DvlPart, omega_p_radps: Floats | None = None, axes: Floats | None = None
-) -> Recorded:
-    """Inertial readings, with other rates or axes than the IMU's own, and the velocity on their clock."""
-    P = imu.axes if axes is None else axes
-    omega = imu.omega_s_radps @ P.T if omega_p_radps is None else omega_p_radps
-    inertial = Inertial(imu.time_ns, imu.force_s_mps2 @ P.T, omega)
-    return Recorded(inertial, dvl.on_imu_ns, dvl.velocity_p_mps)
+def recorded(imu: ImuPart, dvl: DvlPart, omega_p_radps: Floats | None = None) -> Recorded:
+    """Inertial readings, with other rates than the IMU's own, and the velocity on their clock."""
+    omega = imu.omega_p_radps if omega_p_radps is None else omega_p_radps
+    return Recorded(Inertial(imu.time_ns, imu.force_p_mps2, omega), dvl.on_imu_ns, dvl.velocity_p_mps)
 
 
 QUARTER_SD_RAD = np.deg2rad(20.0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from bottomlock.recordings.rig_segments import LENGTH_S, integrate
+from bottomlock.recordings.rig_motion import LENGTH_S, integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers, integrals
 

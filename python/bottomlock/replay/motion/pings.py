@@ -1,10 +1,26 @@
-"""Velocities of pings by least squares, and an order of their beams that closes better."""
+"""Velocities of pings by least squares, an order of their beams that closes better, and their noise.
+
+The noise of a velocity and of accelerometers is told from how far both part over one to several pings. In the axes of
+the platform at the beginning of a segment, y = C v − ∫ C f dt is a line in time (`recordings.rig_motion`). Second
+differences of y over L pings remove the line, whatever its slope, and leave
+
+    6 σ² + 2 N² T,   T = L times the interval between pings,
+
+with σ the noise of the velocity and N that of the integrated specific force, the errors of the rotation and of low
+rates included. Both follow from the variance at several L. Accelerations of the vehicle are in both and cancel.
+
+Third differences of C v alone leave 20 σ² and what the vehicle's acceleration changes by. σ is the smaller of the two:
+one is too large where the accelerometers are poor, the other where the vehicle is quick for its pings.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
 from bottomlock.recordings.closure import orders_by_closure
+from bottomlock.recordings.rig_fit import Recorded
+from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Flags, Floats, Integers
 
 OUTLIER = 5.0
@@ -88,3 +104,119 @@ def better_order(
     fewest = min(map(len, moved))
     words = (" and ".join(str(k + 1) for k in one) for one in moved if len(one) == fewest)
     return BetterOrder(int(full.sum()), stated, best, ", or ".join(words))
+
+
+LAGS = (1, 2, 3, 4, 6, 8)
+LONGEST_S = 5.0
+"""Over longer intervals the Earth's rate, which is left out, tilts gravity by more than a good DVL's noise."""
+LEAST_DIFFERENCES = 40
+RESOLVED = 2.0
+"""Sigmas from which a random walk is told from the noise of the velocity."""
+FAR_OFF = 4.0
+CLEAR = 0.5
+"""Part that the accelerometers may have in the variance over one ping: beyond it the velocity's own is not clear."""
+EVEN = 0.25
+"""Pings whose intervals differ by more than this part of one are not differenced."""
+
+
+@dataclass(frozen=True, eq=False)
+class PingNoise:
+    """Noise of a velocity and of the specific force beside it.
+
+    Attributes:
+        velocity_sd_mps: (3,) of a ping, platform axes.
+        force_mps_rts: random walk of the integrated specific force, RMS over the axes, m/s/√s; 0 where the noise of the
+            velocity hides it.
+        differences: number of second differences of one ping that it was found from.
+    """
+
+    velocity_sd_mps: Floats
+    force_mps_rts: float
+    differences: int
+
+
+def ping_noise(recorded: Recorded) -> PingNoise | None:
+    """Noise of a recording's velocity and specific force; None with too few even pings."""
+    segments = recorded.integrated()
+    if segments is None or len(recorded.time_ns) < 3:
+        return None
+    at = segments.at(recorded.time_ns)
+    if at.kept.sum() < LEAST_DIFFERENCES:
+        return None
+    turned = np.einsum("pij,pj->pi", at.C, recorded.velocity_p_mps[at.kept])
+    y = turned - at.S
+    interval_s = float(np.median(np.diff(recorded.time_ns))) * 1e-9
+    rows, target, each, counted = [], [], [], 0
+    for lag in LAGS:
+        if len(y) <= 2 * lag or (lag > 2 and lag * interval_s > LONGEST_S):
+            break
+        first, middle, last = slice(0, -2 * lag), slice(lag, -lag), slice(2 * lag, None)
+        even = at.segment[first] == at.segment[last]
+        for one, other in ((first, middle), (middle, last)):
+            even &= np.abs(at.time_s[other] - at.time_s[one] - lag * interval_s) < EVEN * interval_s
+        if even.sum() < LEAST_DIFFERENCES:
+            continue
+        # Gravity is in the line: a jitter of 10 ms would leave 0.1 m/s, were the pings taken to be even.
+        whole = at.time_s[last] - at.time_s[first]
+        share = 2.0 * (at.time_s[middle] - at.time_s[first]) / np.maximum(whole, 1e-9)
+        bend = ((2.0 - share)[:, None] * y[first] - 2.0 * y[middle] + share[:, None] * y[last])[even]
+        body = np.einsum("pji,pj->pi", at.C[middle][even], bend)
+        counted = max(counted, int(even.sum()))
+        # A variance of n differences over a lag is known to about this part of itself (by simulation).
+        spread = _variance(body)
+        weight = 1.0 / (np.sqrt(lag / even.sum()) * max(float(spread.mean()), 1e-12))
+        rows.append(weight * np.array([6.0, 2.0 * lag * interval_s]))
+        target.append(weight * spread)
+        each.append(spread)
+    if len(rows) < 2:
+        return None
+    third = turned[3:] - 3.0 * turned[2:-1] + 3.0 * turned[1:-2] - turned[:-3]
+    even = (at.segment[3:] == at.segment[:-3]) & (
+        np.abs(at.time_s[3:] - at.time_s[:-3] - 3.0 * interval_s) < EVEN * interval_s
+    )
+    alone = np.full(3, np.inf)
+    if even.sum() >= LEAST_DIFFERENCES:
+        body = np.einsum("pji,pj->pi", at.C[1:-2][even], third[even])
+        alone = sd_about_median(body, axis=0) / np.sqrt(20.0)
+    A, b, spreads = np.array(rows), np.array(target), np.array(each)
+    parts = np.stack([nnls(A, b[:, axis])[0] for axis in range(3)])
+    # Without the bound at zero, which would make noise of any sign a walk.
+    steep = float(np.linalg.lstsq(A, b, rcond=None)[0][1].mean())
+    share = np.sqrt((spreads**2).sum(axis=1)).mean() / spreads.sum(axis=1).mean()
+    steep_sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
+    clear = 2.0 * parts[:, 1] * interval_s < CLEAR * 6.0 * parts[:, 0]
+    beside = np.where(clear | ~np.isfinite(alone), np.sqrt(parts[:, 0]), np.inf)
+    sd = np.minimum(beside, alone)
+    return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted)
+
+
+def _variance(values: Floats) -> Floats:
+    """(3,) variance without outliers: twice as certain as one by the median."""
+    middle, sd = np.median(values, axis=0), sd_about_median(values, axis=0)
+    kept = np.abs(values - middle) <= FAR_OFF * np.maximum(sd, 1e-12)
+    return np.asarray(
+        (np.where(kept, values - middle, 0.0) ** 2).sum(axis=0) / np.maximum(kept.sum(axis=0), 1)
+    )
+
+
+def tilt_of_noise(velocity_sd_mps: Floats) -> float:
+    """Tilt of equally noisy beams around the vertical whose least squares has this noise, rad.
+
+    Of three or four beams on a cone of tilt θ the level noise is √2 / tan θ times the vertical.
+
+    >>> round(float(np.rad2deg(tilt_of_noise(np.array([0.124, 0.124, 0.0409])))))
+    25
+    """
+    level = float(np.sqrt(np.mean(velocity_sd_mps[:2] ** 2)))
+    return float(np.arctan2(np.sqrt(2.0) * float(velocity_sd_mps[2]), level))
+
+
+def beam_noise(directions: Floats, velocity_sd_mps: Floats) -> float:
+    """Noise of a beam, m/s, with which least squares of all beams has this noise on average over the axes.
+
+    Args:
+        directions: (B, 3) of the beams, platform axes.
+        velocity_sd_mps: (3,).
+    """
+    gain = np.diag(np.linalg.inv(directions.T @ directions))
+    return float(np.sqrt(np.mean(velocity_sd_mps**2 / gain)))

@@ -12,7 +12,6 @@ from bottomlock.kernel.models import InitialState, Model, Options, Robust
 from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay import rerun
-from bottomlock.replay.beforehand import check_files
 from bottomlock.replay.case import Case
 from bottomlock.replay.model import imu_model, kernel_model, kernel_options
 from bottomlock.replay.reading import read_streams
@@ -338,7 +337,7 @@ def read_recording(case: Case) -> Recording:
     Raises:
         DataError, ScenarioError: as `read_streams` and `prepare`; where nothing can be tuned.
     """
-    check_files(case)
+    rerun.check_files(case)
     streams = read_streams(case)
     prepared = rerun.prepare(case, streams)
     beams = prepared.streams.beams

@@ -1,6 +1,7 @@
-"""Inertial readings integrated over short segments, each from its own beginning: no attitude is needed.
+"""A motion that the velocity of a DVL is held against: integrals of inertial readings, or a recorded velocity.
 
-In the axes b₀ of the platform at the beginning of a segment, with C the rotation from the platform to b₀,
+Inertial readings are integrated over short segments, each from its own beginning: no attitude is needed. In the axes b₀
+of the platform at the beginning of a segment, with C the rotation from the platform to b₀,
 
     C(t) v(t) − ∫ C f dt = v₀ + g t
 
@@ -9,13 +10,71 @@ the velocity, of the sensors, or of what was stated about them. The Earth's rate
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from bottomlock.kernel import integrate_segments
-from bottomlock.recordings.rig_at import AtPings, applied
-from bottomlock.recordings.rotation import rotation_matrices
-from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.recordings.robust import BLOCKS
+from bottomlock.recordings.rotation import rotation_matrices, rotation_vectors
+from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers
+
+
+@dataclass(frozen=True, eq=False)
+class AtPings:
+    """Integrals of inertial readings at the pings that lie in their segments, or a recorded motion there.
+
+    Attributes:
+        kept: (n,) which pings these are.
+        segment: (p,) number of the segment.
+        begins_ns: (s,) times at which the segments begin.
+        time_s: (p,) since then.
+        C: (p, 3, 3) rotation from the platform to the axes of the segment.
+        S: (p, 3) velocity in these: that of the specific force, but for a line in time, or the whole of a recorded one.
+        J, K: (p, 3, 3) effects of biases, see `rig_segments.Segments`; zero of a recorded motion.
+        force, omega, turning: (p, 3) rate of change of S, angular rate and its rate of change, platform axes.
+        lined: whether S is known but for a line in time.
+    """
+
+    kept: Flags
+    segment: Integers
+    begins_ns: Integers
+    time_s: Floats
+    C: Floats
+    S: Floats
+    J: Floats
+    K: Floats
+    force: Floats
+    omega: Floats
+    turning: Floats
+    lined: bool
+
+    def left(self, values: Floats) -> tuple[Floats, Floats]:
+        """Residuals of columns (p, 3, c) from a line in every segment, and the slopes (s, 3, c)."""
+        flat, count = values.reshape(len(values), -1), len(self.begins_ns)
+        if not self.lined:
+            return values, np.zeros((count, *values.shape[1:]))
+
+        def sums(column: Floats) -> Floats:
+            return np.stack(
+                [np.bincount(self.segment, column[:, k], minlength=count) for k in range(column.shape[1])],
+                axis=1,
+            )
+
+        n = np.maximum(np.bincount(self.segment, minlength=count), 1)[:, None]
+        mean_t = sums(self.time_s[:, None]) / n
+        t = self.time_s[:, None] - mean_t[self.segment]
+        mean = sums(flat) / n
+        centred = flat - mean[self.segment]
+        slope = sums(t * centred) / np.maximum(sums(t * t), 1e-12)
+        left = centred - t * slope[self.segment]
+        return left.reshape(values.shape), slope.reshape(count, *values.shape[1:])
+
+
+def applied(matrix: Floats, v: Floats) -> Floats:
+    """Matrices (p, 3, 3) times vectors (p, 3)."""
+    return np.asarray(np.einsum("pij,pj->pi", matrix, v))
+
 
 LENGTH_S = 20.0
 """Length of a segment: a gyro bias of 100°/h makes a velocity error of 0.95 m/s in it, one of accelerometers none."""
@@ -134,3 +193,60 @@ def integrate(
     time = time[whole]
     integrals = integrate_segments(time.ravel(), force.reshape(-1, 3), omega.reshape(-1, 3), m)
     return Segments(time, force, omega, **integrals)
+
+
+RATE_S = 0.1
+"""Angular rates are means over this on either side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Attitude and velocity at even times, so close that straight lines join them.
+
+    Attributes:
+        time_ns: (m,) rising.
+        rotation: (m, 3, 3) from the platform to axes that do not turn.
+        velocity_mps: (m, 3) in these.
+        change_s: the velocity's change is taken over this on either side: a shorter one takes its noise for motion.
+    """
+
+    time_ns: Integers
+    rotation: Floats
+    velocity_mps: Floats
+    change_s: float
+
+    @cached_property
+    def rates(self) -> tuple[Floats, Floats, Floats]:
+        """(m, 3) change of the velocity, angular rate and its change, platform axes."""
+        C, v = self.rotation, self.velocity_mps
+        step_s = float(np.median(np.diff(self.time_ns))) * 1e-9
+        few, many = (max(1, round(span / step_s)) for span in (RATE_S, self.change_s))
+        omega = rotation_vectors(np.swapaxes(_moved(C, -few), 1, 2) @ _moved(C, few)) / (2.0 * few * step_s)
+        turning, change = ((_moved(x, many) - _moved(x, -many)) / (2.0 * many * step_s) for x in (omega, v))
+        return np.einsum("mji,mj->mi", C, change), omega, turning
+
+    def at(self, time_ns: Integers) -> AtPings:
+        """The motion at the pings that lie within it."""
+        C, kept = self.rotation, (time_ns >= self.time_ns[0]) & (time_ns < self.time_ns[-1])
+        at_ns = time_ns[kept]
+        row = np.searchsorted(self.time_ns, at_ns, side="right") - 1
+        part = ((at_ns - self.time_ns[row]) / np.diff(self.time_ns)[row])[:, None]
+
+        def between(values: Floats) -> Floats:
+            return np.asarray(values[row] + part * (values[row + 1] - values[row]))
+
+        turn = rotation_vectors(np.swapaxes(C[row], 1, 2) @ C[row + 1])
+        segment = np.arange(len(at_ns)) * BLOCKS // max(len(at_ns), 1)
+        first = np.searchsorted(segment, np.arange(BLOCKS))
+        begins = at_ns[np.minimum(first, len(at_ns) - 1)] if len(at_ns) else np.zeros(BLOCKS, dtype=np.int64)
+        zero = np.zeros((len(at_ns), 3, 3))
+        force, omega, turning = map(between, self.rates)
+        return AtPings(
+            kept, segment, begins, (at_ns - begins[segment]) * 1e-9, C[row] @ rotation_matrices(part * turn),
+            between(self.velocity_mps), zero, zero, force, omega, turning, lined=False,
+        )  # fmt: skip
+
+
+def _moved(values: Floats, rows: int) -> Floats:
+    """Values (m, ...) so many rows later; the last or first one beyond the ends."""
+    return np.asarray(values[np.clip(np.arange(len(values)) + rows, 0, len(values) - 1)])
