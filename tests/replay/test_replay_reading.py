@@ -87,7 +87,7 @@ def test_increments_are_divided_by_their_interval(tmp_path: Path) -> None:
 def test_gap_of_the_imu_is_refused_unless_declared(tmp_path: Path) -> None:
     times = [k / 10.0 for k in range(30)] + [4.0 + k / 10.0 for k in range(21)]
     tables(tmp_path, times)
-    with pytest.raises(DataError, match=r"longest gap of the IMU is 1.1 s .* first at row 30, 4.000 s"):
+    with pytest.raises(DataError, match=r"longest gap is 1.1 s .* first at row 30, 4.000 s"):
         read_streams(parse_case(CASE, place="case", folder=tmp_path))
     streams = read_streams(
         parse_case(changed(("omega =", "bridge_gaps_s = 1.5\nomega =")), place="case", folder=tmp_path)

@@ -28,14 +28,7 @@ def inertial_of(
         raise DataError(
             "has a single row", key="[attitude]", expected='two or more with imu.source = "attitude"'
         )
-    longest_s = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
-    if longest_s > imu.bridge_gaps_s and imu.limits.gap == "refuse":
-        raise DataError(
-            f"the longest gap is {longest_s:.4g} s (steps over {report.gap_s:.4g} s: {report.gaps.text})",
-            place="[attitude]",
-            expected=f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s",
-            hint="set it to bridge the gap by a turn at a constant rate",
-        )
+    report.refuse_long_gap(imu, "[attitude]", "a turn at a constant rate")
     whole_s = max(imu.bridge_gaps_s, report.gap_s)
     time_ns, attitude = divided(attitudes.time_ns, attitudes.attitude, longest_interval_s=whole_s)
     at_rest = np.zeros((len(time_ns), 3))

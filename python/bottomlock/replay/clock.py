@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.stream_sections import Clock
+from bottomlock.recordings.stream_sections import Clock, ImuFromAttitude, ImuStream
 
 MEDIANS_OF_A_GAP = 3.0
 """A step longer than this many median steps is a gap, unless the case sets `gap_s`."""
@@ -62,6 +62,22 @@ class ClockReport:
     empty: Fault = Fault()
     max_stamp_deviation_s: float | None = None
     gap_s: float = 0.0
+
+    def refuse_long_gap(self, section: ImuStream | ImuFromAttitude, place: str, bridge: str) -> None:
+        """Checks that no gap of the readings, or of what they are made from, is longer than its section bridges.
+
+        Raises:
+            DataError: for one that is, unless its uncertainty is added; `bridge` says how it would be bridged.
+        """
+        longest_s = max((fault.longest_s or 0.0) for fault in (self.gaps, self.jumps))
+        if longest_s > section.bridge_gaps_s and section.limits.gap == "refuse":
+            fault = self.jumps if self.jumps.count else self.gaps
+            raise DataError(
+                f"the longest gap is {longest_s:.4g} s (steps over {self.gap_s:.4g} s: {fault.text})",
+                place=place,
+                expected=f"none longer than imu.bridge_gaps_s = {section.bridge_gaps_s:g} s",
+                hint=f"set it to bridge the gap by {bridge}",
+            )
 
     def to_json(self) -> dict[str, Any]:
         """Numbers as they are, and faults in words."""

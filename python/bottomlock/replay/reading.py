@@ -153,7 +153,8 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
             )
         force = force / interval_s[:, None] if imu.increments[0] else force
         omega = omega / interval_s[:, None] if imu.increments[1] else omega
-    _reject_long_gaps(imu, timed.report)
+    bridge = 'linear interpolation, or imu.limits.gap = "inflate" to add the uncertainty of longer ones'
+    timed.report.refuse_long_gap(imu, str(imu.file), bridge)
     if handedness(imu.axes) < 0:
         notes.append(f"imu: axes {', '.join(imu.axes)} map left-handed sensor axes to forward–right–down")
     if timed.report.gaps.count:
@@ -166,24 +167,6 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
         to_platform_axes(force, imu.axes, mounting),
         to_platform_axes(omega, imu.axes, mounting),
     )
-
-
-def _reject_long_gaps(imu: ImuStream, report: ClockReport) -> None:
-    longest = max((fault.longest_s or 0.0) for fault in (report.gaps, report.jumps))
-    if longest > imu.bridge_gaps_s and imu.limits.gap == "refuse":
-        fault = report.jumps if report.jumps.count else report.gaps
-        raise DataError(
-            (
-                f"the longest gap of the IMU is {longest:.4g} s (steps over {report.gap_s:.4g} s: "
-                f"{fault.text})"
-            ),
-            place=imu.file,
-            expected=f"none longer than imu.bridge_gaps_s = {imu.bridge_gaps_s:g} s",
-            hint=(
-                'set it to bridge the gap by linear interpolation, or imu.limits.gap = "inflate" '
-                "to add the uncertainty of longer ones"
-            ),
-        )
 
 
 def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], notes: list[str]) -> Beams:

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
-from bottomlock.recordings.streams import Flags, Floats, Integers
+from bottomlock.recordings.streams import Flags, Floats, Integers, integrals
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
@@ -82,17 +82,10 @@ class AttitudePart:
         if self.match is None:
             return Guess("ned_frd", "too few rows overlap the gyros", known=False)
         if not self.match.clear:
-            return Guess(
-                "ned_frd", f"the gyros do not decide (correlation {self.match.correlation:.2f} and "
-                f"{self.match.other:.2f})",
-                known=False,
-            )  # fmt: skip
-        return Guess(
-            self.match.frame,
-            f"its rates follow the gyros with a correlation of {self.match.correlation:.2f}, "
-            f"{self.match.other:.2f} in the other "
-            "frames",
-        )
+            both = f"{self.match.correlation:.2f} and {self.match.other:.2f}"
+            return Guess("ned_frd", f"the gyros do not decide (correlation {both})", known=False)
+        why = f"its rates follow the gyros with a correlation of {self.match.correlation:.2f}"
+        return Guess(self.match.frame, f"{why}, {self.match.other:.2f} in the other frames")
 
 
 def angles_of(found: Found) -> tuple[Floats, Guess]:
@@ -124,9 +117,8 @@ def guess_attitude(found: Found, imu: ImuPart, offset: Guess) -> AttitudePart | 
             )
             rpy = np.deg2rad(rpy)
         elif not unit.known and NEAR[0] < match.slope < NEAR[1]:
-            unit = Guess(
-                unit.value, f"{unit.why}, and its rates are {match.slope:.2f} times those of the gyros"
-            )
+            why = f"{unit.why}, and its rates are {match.slope:.2f} times those of the gyros"
+            unit = Guess(unit.value, why)
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
             why = f"its turn rates fit the gyros' best when moved by {match.offset_s:+.2f} s"
             offset = Guess(offset.value + match.offset_s, why)
@@ -183,33 +175,20 @@ def match_attitude(
     time_ns, rpy_rad = time_ns[::every], rpy_rad[::every]
     if len(time_ns) < 10 or len(imu_time_ns) < 10:
         return None
-    steps_s = np.diff(imu_time_ns) * 1e-9
-    turned = np.vstack(
-        [np.zeros(3), np.cumsum(0.5 * (omega_p_radps[1:] + omega_p_radps[:-1]) * steps_s[:, None], axis=0)]
-    )
-    seconds = (imu_time_ns - imu_time_ns[0]) * 1e-9
-    at = (time_ns - imu_time_ns[0]) * 1e-9
-    lags = np.arange(-LAGS_S, LAGS_S + 0.5 * LAG_STEP_S, LAG_STEP_S)
-    gyros = [(float(lag), *_gyro_rate(at + lag, turned, seconds)) for lag in lags]
+    steps_s = np.diff(time_ns)[:, None] * 1e-9
+    gyros = []
+    for lag in np.arange(-LAGS_S, LAGS_S + 0.5 * LAG_STEP_S, LAG_STEP_S):
+        moved = time_ns + round(float(lag) * 1e9)
+        inside = (moved[:-1] >= imu_time_ns[0]) & (moved[1:] <= imu_time_ns[-1])
+        gyros.append((float(lag), inside, (integrals(imu_time_ns, omega_p_radps, moved) / steps_s)[inside]))
     by_frame = {}
     for frame in ("ned_frd", "enu_flu"):
         attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
-        rate = _increments(attitude) / (np.diff(time_ns) * 1e-9)[:, None]
+        rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / steps_s
         by_frame[frame] = max((_compare(rate, *gyro) for gyro in gyros), key=lambda one: one.correlation)
     frame = max(by_frame, key=lambda one: by_frame[one].correlation)
     other = by_frame["enu_flu" if frame == "ned_frd" else "ned_frd"]
     return replace(by_frame[frame], frame=frame, other=other.correlation)
-
-
-def _increments(attitude: Rotation) -> Floats:
-    return np.asarray((attitude[:-1].inv() * attitude[1:]).as_rotvec())
-
-
-def _gyro_rate(when: Floats, turned: Floats, seconds: Floats) -> tuple[Flags, Floats]:
-    """The intervals between times that the gyros cover, and the mean rate of the gyros in these."""
-    inside = (when[:-1] >= seconds[0]) & (when[1:] <= seconds[-1])
-    gyro = np.stack([np.diff(np.interp(when, seconds, turned[:, k])) for k in range(3)], axis=1)
-    return inside, (gyro / np.diff(when)[:, None])[inside]
 
 
 def _compare(rate: Floats, lag_s: float, inside: Flags, gyro: Floats) -> AttitudeMatch:

@@ -98,13 +98,8 @@ def gravity_unsteady(time_ns: Integers, force: Floats, omega: Floats) -> float:
     segments = integrate(Inertial(time_ns, force, omega))
     if segments is None:
         return float("nan")
-    s, m = segments.time_ns.shape
-    t = (segments.time_ns - segments.time_ns[:, :1]) * 1e-9
-    t = t - t.mean(axis=1, keepdims=True)
-    columns = np.concatenate([segments.force_integral_mps[..., None], segments.bias_integral], axis=3)
-    columns = columns - columns.mean(axis=1, keepdims=True)
-    slope = np.einsum("sm,smic->sic", t, columns) / (t * t).sum(axis=1)[:, None, None]
-    left = (columns - t[:, :, None, None] * slope[:, None]).reshape(s * m * 3, 4)
+    at = segments.at(segments.time_ns.ravel())
+    left = at.left(np.concatenate([at.S[:, :, None], at.K], axis=2))[0].reshape(-1, 4)
     A, y = left[:, 1:], left[:, 0]
     answer = np.linalg.lstsq(A, y, rcond=None)[0]
     return float(np.sqrt(np.mean((y - A @ answer) ** 2)))

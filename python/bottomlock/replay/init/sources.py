@@ -132,15 +132,10 @@ def bag_tables(path: Path) -> list[AnyTable]:
         }
     return [
         AnyTable(
-            path,
-            pl.DataFrame(of, infer_schema_length=None),
-            plain=False,
-            units={},
-            part=topic,
-            remark=remarks[topic],
+            path, pl.DataFrame(of, infer_schema_length=None), plain=False, units={}, part=topic, remark=remarks[topic]
         )
         for topic, of in rows.items()
-    ]
+    ]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +207,17 @@ def _file(path: Path, without: Sequence[str]) -> Sources:
     if name == ros.NAME:
         return _bag(path, without)
     if name in {ardupilot.NAME, tlog.NAME}:
-        tables, words = autopilot_tables(path, name)
-        said = Sources(words=tuple(f"{path.name}: {one}" for one in words))
-        return _joined([*_parts(tables, without), said])
+        reader = ardupilot if name == ardupilot.NAME else tlog
+        log = reader.streams(content(path, reader.TIMES_ITS_SIZE), str(path))
+        tables = [
+            AnyTable(
+                path, one.to_frame(), plain=False, units={}, part=one.name, remark=one.remark,
+                independent=one.independent,
+            )
+            for one in log.streams
+        ]  # fmt: skip
+        words = tuple(f"{path.name}: {one}" for one in (f"clock: {log.clock}", *log.notes))
+        return _joined([*_parts(tables, without), Sources(words=words)])
     if name is not None and name != table.NAME:
         return _recorded(path, _log(path, name))
     return _table(read_any_table(path))
@@ -280,30 +283,3 @@ def _table(one: AnyTable) -> Sources:
         said = f"; {one.remark}" if one.remark else ""
         words.append(f"{path.name}{where}: {kinds} ({rows} rows{rate}){said}")
     return Sources(beams.recording, beams.log, tuple(streams), words=tuple(words))
-
-
-def autopilot_tables(path: Path, name: str) -> tuple[list[AnyTable], list[str]]:
-    """A table for each message and sensor, and what has to be said of the log.
-
-    Args:
-        path: the log.
-        name: of its format, `ardupilot.NAME` or `tlog.NAME`.
-
-    Raises:
-        DataError: for a log that cannot be read, or has no stream.
-    """
-    reader = ardupilot if name == ardupilot.NAME else tlog
-    log = reader.streams(content(path, reader.TIMES_ITS_SIZE), str(path))
-    tables = [
-        AnyTable(
-            path,
-            one.to_frame(),
-            plain=False,
-            units={},
-            part=one.name,
-            remark=one.remark,
-            independent=one.independent,
-        )
-        for one in log.streams
-    ]
-    return tables, [f"clock: {log.clock}", *log.notes]
