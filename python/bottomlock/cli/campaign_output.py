@@ -5,21 +5,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import polars as pl
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import MofNCompleteColumn, ProgressColumn, Task
 from rich.table import Table
 from rich.text import Text
 
 from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
-from bottomlock.cli.console import bars_are_off, console, errors, narrow_table, say
+from bottomlock.cli.console import console, late_bar, narrow_table, say
 from bottomlock.files.atomic_write import json_text
 from bottomlock.pages.pieces import plain
 
@@ -31,34 +23,30 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
 
 
-def result_tables(results: Results) -> list[Table]:
+def result_tables(results: Results) -> Iterator[Table]:
     """A table per trajectory, narrow enough for 80 columns."""
-    tables = []
     for (trajectory,), rows in results.summary.group_by("trajectory", maintain_order=True):
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
-        closed_loop = settings.get("feedback") == "estimate"
-        last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
-        last = last if closed_loop else ("NIS", "nis_mean_over_runs_and_fixes", 2)
-        table = narrow_table(
-            f"{trajectory}: RMS over runs at the end",
-            ["method"],
-            ["v m/s", "95 %", "att deg", "pos m", "NEES", last[0], "rej %"],
-        )
+        last = ("NIS", "nis_mean_over_runs_and_fixes", 2)
+        if settings.get("feedback") == "estimate":
+            last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
+        columns = (
+            ("v m/s", "velocity_rms_over_runs_mps", 3), ("95 %", "", 0), ("att deg", "attitude_rms_over_runs_deg", 3),
+            ("pos m", "position_rms_over_runs_m", 1), ("NEES", "nees_mean_over_runs_and_time", 1), last,
+            ("rej %", "rejected_percent", 2),
+        )  # fmt: skip
+        cells = []
         percent = (100.0 * pl.col("rejected_fraction")).alias("rejected_percent")
         for row in rows.with_columns(percent).iter_rows(named=True):
-            low, high = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
-            table.add_row(
-                row["method"],
-                plain(row["velocity_rms_over_runs_mps"], digits=4),
-                f"{low} .. {high}",
-                plain(row["attitude_rms_over_runs_deg"], digits=4),
-                plain(row["position_rms_over_runs_m"], digits=4, decimals=1),
-                plain(row["nees_mean_over_runs_and_time"], digits=4, decimals=1),
-                plain(row[last[1]], digits=4, decimals=last[2]),
-                plain(row["rejected_percent"], digits=4, decimals=2),
+            ends = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
+            interval = " .. ".join(ends)
+            numbers = (
+                plain(row[key], digits=4, decimals=decimals) if key else interval
+                for _, key, decimals in columns
             )
-        tables.append(table)
-    return tables
+            cells.append([row["method"], *numbers])
+        heads = ["method", *(name for name, _, _ in columns)]
+        yield narrow_table(f"{trajectory}: RMS over runs at the end", heads, cells)
 
 
 def print_results(results: Results, out: Path, *, as_json: bool = False) -> None:
@@ -103,33 +91,18 @@ def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgr
     Args:
         total: runs of all campaigns; those of the one campaign by default.
     """
-    columns = (
-        TextColumn("{task.description:>12}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=errors, transient=False, disable=bars_are_off())
-    task = bar.add_task("running", total=total)
     done: dict[str, float] = {}
 
-    def report(state: CampaignProgress) -> None:
-        bar.start()
-        done[state.trajectory] = state.runs_done
-        if state.found:
-            # Runs of an earlier start say nothing of the rate: the clock starts now.
-            bar.reset(task, completed=int(sum(done.values())))
-        bar.update(
-            task,
-            total=state.campaign_runs if total is None else total,
-            completed=sum(done.values()),
-            description=state.trajectory,
-        )
+    with late_bar("running", MofNCompleteColumn(), _Rate()) as update:
 
-    try:
+        def report(state: CampaignProgress) -> None:
+            done[state.trajectory] = state.runs_done
+            update(
+                # Runs of an earlier start say nothing of the rate: the clock starts now.
+                anew=bool(state.found),
+                total=state.campaign_runs if total is None else total,
+                completed=int(sum(done.values())),
+                description=state.trajectory,
+            )
+
         yield report
-    finally:
-        if bar.live.is_started:
-            bar.stop()

@@ -38,11 +38,12 @@ def print_comparison(made: Comparison) -> None:
 
 def _table(rows: pl.DataFrame, labels: list[str], columns: range, title: str, decimals: int) -> Table:
     """A row for each method, a column for each of some campaigns, by their numbers."""
-    table = narrow_table(title, ["method"], [str(k + 1) for k in columns])
     cells = {(row["method"], row["campaign"]): row for row in rows.iter_rows(named=True)}
-    for method in rows["method"].unique(maintain_order=True):
-        table.add_row(method, *(_cell(cells.get((method, labels[k])), decimals) for k in columns))
-    return table
+    shown = [
+        [method, *(_cell(cells.get((method, labels[k])), decimals) for k in columns)]
+        for method in rows["method"].unique(maintain_order=True)
+    ]
+    return narrow_table(title, ["method", *(str(k + 1) for k in columns)], shown)
 
 
 def _cell(row: dict[str, Any] | None, decimals: int) -> str:

@@ -3,7 +3,7 @@
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
@@ -14,7 +14,7 @@ from bottomlock.errors import EXIT_INTERRUPTED, Note
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType
-    from rich.progress import Progress
+    from rich.progress import ProgressColumn
     from rich.segment import Segment
     from rich.table import Table
     from rich.text import Text
@@ -121,25 +121,46 @@ def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
 
 
 @contextmanager
-def late_bar(bar: "Progress") -> Iterator["Progress"]:
-    """A bar that is started by the first report: what is refused before it leaves none on the screen."""
-    bar.disable = bars_are_off()
+def late_bar(words: str, *columns: "ProgressColumn") -> Iterator[Callable[..., None]]:
+    """A bar that the first report starts: what is refused before it leaves none on the screen.
+
+    Args:
+        words: before the bar.
+        columns: after it, before the time left.
+
+    Yields:
+        Takes the keywords of `rich.progress.Progress.update`; with `anew` the clock of the rate starts again.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - `--help` has none
+
+    shown = (TextColumn("{task.description:>12}", markup=False), BarColumn(), *columns, TextColumn("left"))
+    bar = Progress(*shown, TimeRemainingColumn(), console=errors, disable=bars_are_off())
+    task = bar.add_task(words, total=None)
+
+    def report(*, anew: bool = False, **changes: Any) -> None:  # noqa: ANN401 - as rich has them
+        bar.start()
+        if anew:
+            bar.reset(task, completed=changes["completed"])
+        bar.update(task, **changes)
+
     try:
-        yield bar
+        yield report
     finally:
         if bar.live.is_started:
             bar.stop()
 
 
-def narrow_table(title: str, left: Sequence[str], right: Sequence[str], *, wraps: bool = False) -> "Table":
-    """A table that fits 80 columns, with left- and right-justified columns, whose heads may wrap."""
+def narrow_table(
+    title: str, columns: Sequence[str], rows: Iterable[Sequence["str | Text"]], *, left: int = 1
+) -> "Table":
+    """A table that fits 80 columns: so many columns from the left are of words, the others of numbers."""
     from rich import box  # noqa: PLC0415 - `--help` draws no table
 
     from bottomlock.cli.fitted_table import FittedTable  # noqa: PLC0415
 
     table = FittedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for name in left:
-        table.add_column(name, no_wrap=True)
-    for name in right:
-        table.add_column(name, justify="right", no_wrap=not wraps)
+    for k, name in enumerate(columns):
+        table.add_column(name, no_wrap=k == 0, justify="left" if k < left else "right")
+    for row in rows:
+        table.add_row(*row)
     return table

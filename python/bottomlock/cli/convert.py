@@ -8,19 +8,12 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-    TransferSpeedColumn,
-)
+from rich.progress import DownloadColumn, TransferSpeedColumn
 from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import EXIT_NOTHING_VALID, bars_are_off, console, errors, say
-from bottomlock.cli.parameters import beside
+from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors, late_bar, narrow_table, say
+from bottomlock.cli.parameters import beside, check_ending
 from bottomlock.errors import OutputError
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beam_table import (
@@ -70,8 +63,7 @@ def convert(
         write_map(file, out, force=force)
         say(f"wrote {out}; now: bottomlock convert {file} --out beams.parquet --columns {out}")
         return
-    if out.suffix.lower() != ".parquet":
-        raise OutputError(place=out, expected="a name that ends in .parquet")
+    check_ending(out, ".parquet")
     _check_account(file, out)
     inputs = [file, *(file.iterdir() if file.is_dir() else ()), *map(Path, filter(None, [options.columns]))]
     check_free(out, sidecar(out), water_file(out), inputs=inputs, force=force)
@@ -107,19 +99,11 @@ def _bar(file: Path) -> Iterator[None]:
     if size <= BAR_FROM_BYTES:
         yield
         return
-    columns = (
-        TextColumn("reading"),
-        BarColumn(),
-        DownloadColumn(),
-        TransferSpeedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=errors, disable=bars_are_off()) as bar:
-        task = bar.add_task("reading", total=size)
-        with progress_to(lambda reached: bar.update(task, completed=reached)):
-            yield
-        bar.update(task, completed=size)
+    with (
+        late_bar("reading", DownloadColumn(), TransferSpeedColumn()) as report,
+        progress_to(lambda reached: report(total=size, completed=reached)),
+    ):
+        yield
 
 
 def _nothing_valid(table: BeamTable) -> str:
@@ -135,15 +119,12 @@ def _fates(account: Account) -> Table | None:
     kinds = {"skipped": account.skipped, "flagged": account.flagged, "other": account.other}
     if not any(kinds.values()):
         return None
-    shown = Table(box=None, pad_edge=False)
-    shown.add_column("records")
-    shown.add_column("reason")
-    shown.add_column("count", justify="right")
-    shown.add_column(f"first {account.unit}", justify="right")
-    for kind, reasons in kinds.items():
-        for name, reason in reasons.items():
-            shown.add_row(kind, _reason(name, reason), str(reason.count), str(reason.first))
-    return shown
+    rows = [
+        [kind, _reason(name, reason), str(reason.count), str(reason.first)]
+        for kind, reasons in kinds.items()
+        for name, reason in reasons.items()
+    ]
+    return narrow_table("", ["records", "reason", "count", f"first {account.unit}"], rows, left=2)
 
 
 def _reason(name: str, reason: Reason) -> str:

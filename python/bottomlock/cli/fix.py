@@ -1,5 +1,6 @@
 """The command `bottomlock fix`: velocity fixes from recorded pings, and their errors where beams are left out."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,8 +15,8 @@ from bottomlock.audit.findings import LOCK_ADVICE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
-from bottomlock.cli.parameters import Robust, beside, geometry_of
-from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.cli.parameters import Robust, beside, check_ending, check_option, geometry_of
+from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
@@ -69,12 +70,13 @@ def score(
         ScenarioError: for a gate below zero or a walk that is not above it.
         DataError: for a number of beams that cannot be left out, or a log without a complete ping.
     """
-    if not (np.isfinite(walk.walk_mps_rts) and walk.walk_mps_rts > 0.0):
-        raise ScenarioError(
-            f"is {walk.walk_mps_rts}", key="--walk-mps-per-rt-s", expected="more than 0 m/s/√s"
-        )
-    if not closure_gate >= 0.0:
-        raise ScenarioError(f"is {closure_gate}", key="--closure-gate", expected="0 or more")
+    check_option(
+        "--walk-mps-per-rt-s",
+        walk.walk_mps_rts,
+        "more than 0 m/s/√s",
+        holds=0.0 < walk.walk_mps_rts < math.inf,
+    )
+    check_option("--closure-gate", closure_gate, "0 or more", holds=closure_gate >= 0.0)
     scores = leave_out(
         instrument.geometry,
         pings.time_ns,
@@ -115,15 +117,15 @@ def score(
 
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     """A row per method and component."""
-    table = narrow_table(
-        title, ["method", "component"], ["sets", "median", "p95", "σ", "error/σ", "covered %"]
-    )
-    for row in over_sets(scores).iter_rows(named=True):
-        numbers = (number(row[name]) for name in SCORED)
-        table.add_row(
-            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}", *numbers, _coverage(row)
-        )
-    return table
+    rows = [
+        [
+            row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}",
+            *(number(row[name]) for name in SCORED), _coverage(row),
+        ]
+        for row in over_sets(scores).iter_rows(named=True)
+    ]  # fmt: skip
+    columns = ["method", "component", "sets", "median", "p95", "σ", "error/σ", "covered %"]
+    return narrow_table(title, columns, rows, left=2)
 
 
 def _coverage(row: dict[str, Any]) -> str:
@@ -175,8 +177,7 @@ def fix(
     if out is None and leave_out is None:
         out = beside(log, "fixes.parquet")
     if out is not None:
-        if out.suffix.lower() != ".parquet":
-            raise OutputError(place=out, expected="a name that ends in .parquet")
+        check_ending(out, ".parquet")
         check_free(out, inputs=(log, Path(geometry)), force=force)
     instrument = read_geometry(geometry)
     with converted_first(log, instrument.columns.time):
@@ -207,15 +208,11 @@ def _fix(
             place=log,
         )
     write_parquet(out, frame)
-    table = Table(title=f"{frame.height} pings, method {method}", title_justify="left")
-    for name in ("beams", "status", "pings"):
-        table.add_column(name, justify="right" if name == "pings" else "left")
     count = pl.sum_horizontal(pl.col("^beam[0-9]+_used$").cast(pl.Int64)).alias("beams")
-    for row in (
-        frame.group_by(count, "status").len().sort("beams", "status", descending=[True, False]).iter_rows()
-    ):
-        table.add_row(*(str(value) for value in row))
-    console.print(table)
+    counts = frame.group_by(count, "status").len().sort("beams", "status", descending=[True, False])
+    rows = ([str(value) for value in row] for row in counts.iter_rows())
+    title = f"{frame.height} pings, method {method}"
+    console.print(narrow_table(title, ["beams", "status", "pings"], rows, left=2))
     if solved is not None:
         print_noise(solved.noise, instrument.beam_sd_mps)
         _print_outliers(frame)

@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
-from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, say
+from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.cli.parameters import Json
 from bottomlock.config.instrument_grades import KINDS, grades, listing
 from bottomlock.config.packaged import copy_packaged
@@ -62,10 +61,8 @@ def list_(
         for sensor, title in KINDS.items():
             console.print(f"Grades of {title}:\n", *listing(sensor), sep="\n", highlight=False, markup=False)
     else:
-        table = Table(kind.removesuffix("s"), "description")
-        for name, description in described(kind).items():
-            table.add_row(name, description)
-        console.print(table)
+        columns = [kind.removesuffix("s"), "description"]
+        console.print(narrow_table("", columns, described(kind).items(), left=2))
 
 
 def described(kind: Kind) -> dict[str, str]:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from bottomlock.cli.console import console, say
 from bottomlock.cli.live import serve_page
+from bottomlock.cli.parameters import check_option
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.encoders.registry import encoder
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.errors import OutputError
 from bottomlock.instruments.faults import NONE
 from bottomlock.instruments.play import Channel, parse_address, play, sink_of
 from bottomlock.instruments.readings import Readings
@@ -130,12 +131,14 @@ def live_demo(*, seconds: float = 60.0, speed: float = 1.0, page_port: int = 0) 
 
 
 def _check(seconds: float, speed: float, page_port: int) -> None:
-    if not SHORTEST_S <= seconds <= LONGEST_S:
-        raise ScenarioError(f"is {seconds:g}", key="--seconds", expected=f"{SHORTEST_S:g} to {LONGEST_S:g} s")
-    if not 0.0 < speed <= FASTEST:
-        raise ScenarioError(f"is {speed:g}", key="--speed", expected=f"above 0, to {FASTEST:g}")
-    if not 0 <= page_port <= 65_535:
-        raise ScenarioError(f"is {page_port}", key="--page-port", expected="0 to 65535")
+    check_option(
+        "--seconds",
+        f"{seconds:g}",
+        f"{SHORTEST_S:g} to {LONGEST_S:g} s",
+        holds=SHORTEST_S <= seconds <= LONGEST_S,
+    )
+    check_option("--speed", f"{speed:g}", f"above 0, to {FASTEST:g}", holds=0.0 < speed <= FASTEST)
+    check_option("--page-port", page_port, "0 to 65535", holds=0 <= page_port <= 65_535)
 
 
 def _say(words: str) -> None:

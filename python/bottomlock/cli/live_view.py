@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 from rich.console import Console, Group
@@ -35,21 +35,30 @@ def _number(value: float | None, digits: int = 3) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
-def _velocity(shown: dict[str, Any]) -> Table:
+def _grid(columns: Sequence[str], rows: Iterable[Sequence[str | Text]], numbers: Collection[str]) -> Table:
+    """Rows below their heads, numbers to the right."""
     table = Table(box=None, pad_edge=False)
-    for name in ("surge", "sway", "heave"):
-        table.add_column(f"{name}, m/s", justify="right")
-    for k, beam in enumerate(shown["beams"], 1):
-        word = "lost" if beam["velocity_mps"] is None else "used" if beam["used"] else "not used"
-        table.add_column(f"beam {k}: {word}", justify="right")
-    table.add_column("NIS", justify="right")
+    for name in columns:
+        table.add_column(name, justify="right" if name in numbers else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _velocity(shown: dict[str, Any]) -> Table:
+    beams = [
+        "lost" if beam["velocity_mps"] is None else "used" if beam["used"] else "not used"
+        for beam in shown["beams"]
+    ]
+    names = [f"{axis}, m/s" for axis in ("surge", "sway", "heave")]
+    names += [*(f"beam {k}: {word}" for k, word in enumerate(beams, 1)), "NIS"]
     velocity = zip(shown["velocity_mps"], shown["velocity_sd_mps"], strict=True)
-    table.add_row(
+    row = [
         *(f"{_number(v)} ± {_number(sd)}" for v, sd in velocity),
         *(_number(beam["velocity_mps"]) for beam in shown["beams"]),
         _number(shown["ping"]["nis"], 2),
-    )
-    return table
+    ]
+    return _grid(names, [row], names)
 
 
 def _reference(shown: dict[str, Any]) -> list[Text]:
@@ -70,25 +79,20 @@ def _reference(shown: dict[str, Any]) -> list[Text]:
 
 
 def _sources(shown: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for name in ("source", "connection", "age, s", "taken", "not used"):
-        table.add_column(name, justify="right" if name in {"age, s", "taken"} else "left")
+    rows = []
     for one in shown["sources"]:
         reasons = "; ".join(f"{n} x {why}" for why, n in (one["skipped"] | one["refused"]).items())
-        table.add_row(
-            one["name"], Text(one["connection"]), _number(one["age_s"], 1), str(one["taken"]), Text(reasons)
-        )
-    return table
+        counts = [_number(one["age_s"], 1), str(one["taken"])]
+        rows.append([one["name"], Text(one["connection"]), *counts, Text(reasons)])
+    return _grid(("source", "connection", "age, s", "taken", "not used"), rows, ("age, s", "taken"))
 
 
 def _ports(shown: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for name in ("port", "target", "sent", "silent because"):
-        table.add_column(name, justify="right" if name == "sent" else "left")
-    for one in shown["ports"]:
-        target, silent = Text(f"{one['to']}: {one['target']}"), Text(one["silent_because"])
-        table.add_row(one["port"], target, str(one["sent"]), silent)
-    return table
+    rows = [
+        [one["port"], Text(f"{one['to']}: {one['target']}"), str(one["sent"]), Text(one["silent_because"])]
+        for one in shown["ports"]
+    ]
+    return _grid(("port", "target", "sent", "silent because"), rows, ("sent",))
 
 
 async def show(status: Callable[[], dict[str, Any]], console: Console) -> None:

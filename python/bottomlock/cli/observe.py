@@ -6,11 +6,10 @@ from typing import Annotated, Any
 
 import polars as pl
 from cyclopts import Parameter
-from rich import box
 from rich.table import Table
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, say
+from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.cli.parameters import beside
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.report import Observed, observe_paper, observe_scenario
@@ -34,55 +33,47 @@ def console_lines(made: Observed) -> Iterator[str | Table]:
     yield _ranking(made.manoeuvres)
 
 
-def _plain(left: str, *right: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column(left)
-    for name in right:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
-
-
 def _rank(row: dict[str, Any]) -> str:
     return "?" if row["rank"] is None else str(row["rank"])
 
 
 def _cases(rows: pl.DataFrame) -> Table:
     """A block of rows per case: what is printed, then each window and sign of H."""
-    table = _plain("case", "printed", "exact", "computed", "gap", "verdict")
-    last = None
+    cells, last = [], None
     for row in rows.iter_rows(named=True):
         if row["case"] != last:
-            table.add_row(row["case"], str(row["printed_rank"]), "", "", "", "")
+            cells.append([row["case"], str(row["printed_rank"]), "", "", "", ""])
             last = row["case"]
-        table.add_row(
-            "  " + row["motion"] + row["model"].removeprefix("2015"),
-            "",
-            str(row["expected_rank"]),
-            _rank(row),
-            f"{row['gap']:.0e}",
-            row["verdict"].removesuffix(" than printed"),
-        )
-    return table
+        motion = "  " + row["motion"] + row["model"].removeprefix("2015")
+        verdict = row["verdict"].removesuffix(" than printed")
+        cells.append([motion, "", str(row["expected_rank"]), _rank(row), f"{row['gap']:.0e}", verdict])
+    return narrow_table("", ["case", "printed", "exact", "computed", "gap", "verdict"], cells)
 
 
 def _masks(rows: pl.DataFrame, own: str) -> Table:
-    table = _plain("aiding", "rank", "of", "gap")
-    for row in rows.iter_rows(named=True):
-        mark = "  < this scenario" if row["aiding"] == own else ""
-        table.add_row(row["aiding"] + mark, _rank(row), str(row["states"]), f"{row['gap']:.0e}")
-    return table
+    cells = [
+        [
+            row["aiding"] + ("  < this scenario" if row["aiding"] == own else ""),
+            _rank(row), str(row["states"]), f"{row['gap']:.0e}",
+        ]
+        for row in rows.iter_rows(named=True)
+    ]  # fmt: skip
+    return narrow_table("", ["aiding", "rank", "of", "gap"], cells)
 
 
 def _ranking(rows: pl.DataFrame) -> Table:
     names = rows["manoeuvre"].unique(maintain_order=True).to_list()
-    table = _plain("state", *(name.replace("_", "\n") for name in names))
-    for (state,), of_state in rows.group_by("state", maintain_order=True):
-        cells = (
-            ("-" if part is None else f"{100.0 * part:.0f}") + _SIGNS[verdict]
-            for part, verdict in of_state.select("fraction_left", "verdict").iter_rows()
-        )
-        table.add_row(str(state), *cells)
-    return table
+    cells = [
+        [
+            str(state),
+            *(
+                ("-" if part is None else f"{100.0 * part:.0f}") + _SIGNS[verdict]
+                for part, verdict in of_state.select("fraction_left", "verdict").iter_rows()
+            ),
+        ]
+        for (state,), of_state in rows.group_by("state", maintain_order=True)
+    ]
+    return narrow_table("", ["state", *(name.replace("_", "\n") for name in names)], cells)
 
 
 def observe(

@@ -56,7 +56,5 @@ def print_table(title: str, table: Table) -> None:
             below = "".join(f"\n   {line}" for line in lines if line)
             console.print(Text.assemble(f"{number}. ", coloured(kind), " ", coloured(head, "bold"), below))
         return
-    shown = narrow_table(title, table.columns[: table.left], table.columns[table.left :], wraps=True)
-    for row in table.rows:
-        shown.add_row(*(coloured(cell) for cell in row))
-    console.print(shown)
+    rows = ([coloured(cell) for cell in row] for row in table.rows)
+    console.print(narrow_table(title, table.columns, rows, left=table.left))

@@ -1,6 +1,6 @@
 """Parameters that several commands share, and the scenarios that they select."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from bottomlock.cli.console import say
 from bottomlock.config.scenario import Scenario, load_scenario
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beam_table import geometry_beside
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
@@ -64,41 +64,29 @@ def split(text: str | None) -> list[str] | None:
     return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
 
 
-def check_threads(threads: int) -> None:
-    """Rejects a negative number of threads.
+def check_option(option: str, value: object, expected: str, *, holds: bool) -> None:
+    """Rejects the value of an option that does not hold what is expected.
 
     Raises:
         ScenarioError: naming the option.
     """
-    if threads < 0:
-        raise ScenarioError(f"is {threads}", key="--threads", expected="0 or more")
+    if not holds:
+        raise ScenarioError(f"is {value}", key=option, expected=expected)
 
 
-def check_none_given(folder: Path, options: Mapping[str, object]) -> None:
-    """Checks that options which change what is run are left out where a finished folder is named.
-
-    Raises:
-        ScenarioError: for one that is given, that is, neither None, nor False, nor empty.
-    """
-    given = [name for name, value in options.items() if not (value is None or value is False or value == ())]
-    if given:
-        raise ScenarioError(
-            f"nothing is run in {folder}, which is finished", place=", ".join(given), hint="leave it out"
-        )
+def check_threads(threads: int) -> None:
+    """Rejects a negative number of threads, as `check_option`."""
+    check_option("--threads", threads, "0 or more", holds=threads >= 0)
 
 
-def check_beside(out: Path | None, folder: Path) -> None:
-    """Rejects --out where the tracks of a folder are exported: they go into that folder.
+def check_ending(path: Path, ending: str) -> None:
+    """Rejects a file to write whose name ends otherwise.
 
     Raises:
-        ScenarioError: naming both.
+        OutputError: naming it.
     """
-    if out is not None:
-        raise ScenarioError(
-            f"is {out}, and the tracks of {folder} are written to {folder / 'export'}",
-            key="--out",
-            hint="leave --out out",
-        )
+    if path.suffix.lower() != ending:
+        raise OutputError(place=path, expected=f"a name that ends in {ending}")
 
 
 def load_scenarios(

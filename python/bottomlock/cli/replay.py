@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import MofNCompleteColumn
 
 from bottomlock.cli.console import console, errors, late_bar, say
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, beside, check_beside, check_none_given, check_threads, split
-from bottomlock.errors import EXIT_INTERRUPTED, OutputError, ScenarioError
+from bottomlock.cli.parameters import Threads, beside, check_ending, check_threads, split
+from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
 from bottomlock.files.overwriting import check_free
@@ -66,8 +66,13 @@ def replay(
         return
     case, formats = _only(files), split(export)
     if case.is_dir() and formats is not None:
-        check_beside(out, case)
-        check_none_given(case, {"--write-calibration": write_calibration})
+        given = {"--out": out, "--write-calibration": write_calibration}
+        if names := [name for name, value in given.items() if value is not None]:
+            raise ScenarioError(
+                f"nothing is run in {case}, which is finished; its tracks go to {case / 'export'}",
+                place=", ".join(names),
+                hint="leave it out",
+            )
         _export(case, formats, split(methods), force=force)
         return
     _check_case(case)
@@ -84,24 +89,12 @@ def replay(
         check_free(write_calibration, inputs=inputs, force=force)
         writing_method(loaded, read_geometry(loaded.dvl.geometry))
     reruns = 1 + len(loaded.what_if)
-    columns = (
-        TextColumn("replaying"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
     try:
-        with late_bar(Progress(*columns, console=errors)) as bar:
-            task = bar.add_task("", total=reruns)
-
-            def report(done: int) -> None:
-                bar.start()
-                bar.update(task, completed=done)
-
+        with late_bar("replaying", MofNCompleteColumn()) as report:
             replayed = run_and_report(
-                loaded, out, inputs=[case], threads=threads, force=force, progress=report
-            )
+                loaded, out, inputs=[case], threads=threads, force=force,
+                progress=lambda done: report(total=reruns, completed=done),
+            )  # fmt: skip
     except KeyboardInterrupt:
         errors.print(f"interrupted; nothing was written to {out}")
         sys.exit(EXIT_INTERRUPTED)
@@ -162,8 +155,7 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
 
 def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
-    if out.suffix.lower() != ".toml":
-        raise OutputError(place=out, expected="a name that ends in .toml, the case to write")
+    check_ending(out, ".toml")
     made = make_case(files, out, force=force, without=without)
     for line in made.words:
         say(line)

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from bottomlock.campaign.folder import identity_of
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
+from bottomlock.cli.parameters import check_option
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
@@ -50,8 +51,7 @@ def fly(
         raise ScenarioError(
             "no scenario is named", hint="`bottomlock list scenarios` lists the packaged ones"
         )
-    if sensors is not None and sensors < 0:
-        raise ScenarioError(f"is {sensors}", key="--sensors", expected="a run number, 0 or more")
+    check_option("--sensors", sensors, "a run number, 0 or more", holds=sensors is None or sensors >= 0)
     if out is None and not dry_run:
         raise ScenarioError("no directory is named", expected="--out DIR, or --dry-run")
     simulations = [build_simulation(_with_vehicle(load_scenario(name), vehicle)) for name in scenario]

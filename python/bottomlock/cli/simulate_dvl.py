@@ -5,7 +5,7 @@ import datetime as dt
 import math
 import time
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +14,11 @@ from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
+from bottomlock.cli.parameters import check_ending, check_option
 from bottomlock.config.scenario import load_scenario
 from bottomlock.config.toml_file import kinds_of
 from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
-from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
 from bottomlock.instruments.faults import parse_faults
@@ -87,12 +88,13 @@ def simulate_dvl(
     addresses = {
         name: parse_address(text, f"--{name}") for name, text in channels.items() if text is not None
     }
-    if truth is not None and truth.suffix.lower() != ".parquet":
-        raise OutputError(place=truth, expected="a name that ends in .parquet")
+    if truth is not None:
+        check_ending(truth, ".parquet")
     written = [] if truth is None else [truth]
     written += [Path(one.path) for one in addresses.values() if one.kind == "file"]
-    check_free(*written, inputs=_inputs(source, geometry), force=force)
-    readings, own_seed = _readings(source, geometry, run=run, seed=seed, altitude_m=altitude_m)
+    readings, own_seed = _readings(
+        source, geometry, run=run, seed=seed, altitude_m=altitude_m, out=written, force=force
+    )
     if duration_s is not None:
         readings = readings.first_seconds(duration_s)
     shift = _shift(clock, readings)
@@ -194,26 +196,10 @@ def _pace(text: str) -> float | None:
 
 
 def _check(*, run: int, latency_ms: float, altitude_m: float, duration_s: float | None) -> None:
-    if run < 0:
-        raise ScenarioError(f"is {run}", key="--run", expected="a run number, 0 or more")
-    if not 0.0 <= latency_ms <= 10_000.0:
-        raise ScenarioError(f"is {latency_ms:g}", key="--latency-ms", expected="0 to 10000 ms")
-    if not 0.0 < altitude_m <= 10_000.0:
-        raise ScenarioError(f"is {altitude_m:g}", key="--altitude-m", expected="above 0, to 10000 m")
-    if duration_s is not None and not 0.0 < duration_s < math.inf:
-        raise ScenarioError(f"is {duration_s:g}", key="--duration-s", expected="seconds above 0")
-
-
-def _inputs(source: str, geometry: str | None) -> list[Path]:
-    """The files that are read."""
-    path = Path(source)
-    named = [path, *([] if geometry is None else [Path(geometry)])]
-    if path.suffix.lower() != ".toml":
-        return named
-    if _is_case(path):
-        case = load_case(path)
-        return [*named, Path(case.dvl.geometry), *case.files().values()]
-    return [*named, *load_scenario(source).files()]
+    check_option("--run", run, "a run number, 0 or more", holds=run >= 0)
+    check_option("--latency-ms", f"{latency_ms:g}", "0 to 10000 ms", holds=0.0 <= latency_ms <= 10_000.0)
+    check_option("--altitude-m", f"{altitude_m:g}", "above 0, to 10000 m", holds=0.0 < altitude_m <= 10_000.0)
+    check_option("--duration-s", duration_s, "seconds above 0", holds=0.0 < (duration_s or 1.0) < math.inf)
 
 
 def _absent(option: str, readings: Readings) -> ScenarioError:
@@ -230,17 +216,29 @@ def _is_case(path: Path) -> bool:
 
 
 def _readings(
-    source: str, geometry: str | None, *, run: int, seed: int | None, altitude_m: float
+    source: str,
+    geometry: str | None,
+    *,
+    run: int,
+    seed: int | None,
+    altitude_m: float,
+    out: Sequence[Path],
+    force: bool,
 ) -> tuple[Readings, int]:
-    """The readings of any source, and the seed of the faults."""
+    """The readings of any source, and the seed of the faults; first, that nothing to write is read."""
     path = Path(source)
+    named = [path, *([] if geometry is None else [Path(geometry)])]
     if path.suffix.lower() == ".toml" and _is_case(path):
+        case = load_case(path)
+        check_free(*out, inputs=[*named, Path(case.dvl.geometry), *case.files().values()], force=force)
         if geometry is not None:
             raise ScenarioError(f"{path} is a replay case and names its own geometry", place="--geometry")
         return readings_of_case(path, altitude_m=altitude_m), seed or 0
     if path.suffix.lower() not in {"", ".toml"}:
+        check_free(*out, inputs=named, force=force)
         return readings_of_log(path, geometry=geometry, altitude_m=altitude_m), seed or 0
     scenario = load_scenario(source).with_overrides(seed=seed)
+    check_free(*out, inputs=[*named, *scenario.files()], force=force)
     if geometry is not None:
         scenario = with_geometry(scenario, geometry)
     return readings_of_scenario(scenario, run=run, altitude_m=altitude_m), scenario.campaign.seed

@@ -4,11 +4,10 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich import progress as bars
 from rich.text import Text
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, errors, late_bar, narrow_table, say
+from bottomlock.cli.console import console, late_bar, narrow_table, say
 from bottomlock.cli.parameters import Threads, check_threads
 from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
@@ -51,13 +50,10 @@ def tune(
     loaded = load_case(case)
     require_free(case, target, inputs=[Path(loaded.dvl.geometry), *loaded.files().values()], force=force)
     names = tuple(name.strip() for name in methods.split(",") if name.strip())
-    columns = (bars.TextColumn("tuning"), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}"))
-    with late_bar(bars.Progress(*columns, console=errors)) as bar:
-        task = bar.add_task("", total=None)
+    with late_bar("tuning") as update:
 
         def report(iteration: int, passes: int) -> None:
-            bar.start()
-            bar.update(task, description=f"iteration {iteration}: {passes} passes")
+            update(description=f"tuning, iteration {iteration}: {passes} passes")
 
         tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)
@@ -67,28 +63,20 @@ def tune(
 
 def print_tuned(tuned: Tuned) -> None:
     """What was found, and what the rest of the recording says of it."""
-    table = narrow_table(
-        f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}",
-        ["setting"],
-        ["old", "new", "± 1σ", "gain"],
-    )
-    for one in tuned.parameters:
-        table.add_row(*_row(one))
-    console.print(table)
-    table = narrow_table(
-        "on the rest: error/σ and mean log-likelihood a row",
-        ["measurement"],
-        ["after", "number", "error/σ old", "new", "log-lik. old", "new"],
-    )
+    title = f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}"
+    rows = map(_row, tuned.parameters)
+    console.print(narrow_table(title, ["setting", "old", "new", "± 1σ", "gain"], rows))
+    judged = []
     for old, new in _pairs(tuned):
         term = new or old
         assert term is not None
         after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
-        if term.sensor == LEFT_OUT:
-            after = f"up to {after}"
-        table.add_row(term.sensor, after, str(term.count), *(_of(one, "error_over_sd") for one in (old, new)),
-                      *(_of(one, "score") for one in (old, new)))  # fmt: skip
-    console.print(table)
+        after = f"up to {after}" if term.sensor == LEFT_OUT else after
+        numbers = (_of(one, name) for name in ("error_over_sd", "score") for one in (old, new))
+        judged.append([term.sensor, after, str(term.count), *numbers])
+    title = "on the rest: error/σ and mean log-likelihood a row"
+    columns = ["measurement", "after", "number", "error/σ old", "new", "log-lik. old", "new"]
+    console.print(narrow_table(title, columns, judged))
     for words in sentences(tuned):
         say(words)
 
