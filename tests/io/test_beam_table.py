@@ -74,7 +74,7 @@ def test_there_and_back(tmp_path: Path) -> None:
         ({"time_ns": [10.0, 20.0]}, "column 'time_ns' is Float64, expected whole numbers"),
         ({"time_ns": [10, None]}, "row 1: column 'time_ns' is empty"),
         ({"time_ns": [10, 10]}, "row 1: column 'time_ns' is 10 ns and repeats the time of row 0"),
-        ({"beam2_valid": [1, 2]}, "row 1: column 'beam2_valid' is 2, expected a flag"),
+        ({"beam2_valid": [1, 2]}, "row 1: column 'beam2_valid' is 2.0, expected 0, 1, true or false"),
         ({"beam3_range_m": ["a", "1.0"]}, "row 0: column 'beam3_range_m' is 'a', expected a number"),
         ({"beam2_valid": [True, True]}, "row 1: column 'beam2_mps' is not finite"),
     ],

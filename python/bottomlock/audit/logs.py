@@ -18,11 +18,10 @@ from bottomlock.io.beams import (
     LEAST_READING_NS,
     Columns,
     beam_flags,
-    read_flags,
     read_times,
     times_as_they_stand,
 )
-from bottomlock.io.columns import check_valid, column_numbers, read_rows
+from bottomlock.io.columns import check_valid, column_numbers, read_flags, read_rows
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.support.rising import rising

@@ -15,7 +15,7 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.export.formats import check_formats, write_export
-from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
+from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of
 from bottomlock.files.records import sha256_of
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.raw_log import Entry
@@ -132,7 +132,7 @@ def _export(
     words = f"{config.name}: {log.name}, played again: {replayed.text()}; estimates of the states in which any is sent"
     estimates = collected.estimates
     columns: dict[str, Any] = {"time_ns": [one.time_ns for one in estimates]}
-    position = attitude = geodetic = None
+    position = attitude = None
     if config.mode == "navigation":
         position = np.array([one.position_t_m for one in estimates])
         attitude = from_quaternions(np.array([one.attitude_t_p for one in estimates]))
@@ -152,8 +152,8 @@ def _export(
         description=words,
         rows=_table(columns),
         position_t_m=position,
-        geodetic=geodetic,
-        orientation_enu_flu=None if attitude is None else orientation_enu_flu(attitude.as_matrix()),
+        origin=origin,
+        attitude=attitude,
     )
     schema = {"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
     arrivals = [

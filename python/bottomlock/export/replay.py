@@ -9,7 +9,7 @@ import polars as pl
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.export.formats import check_formats, write_export
-from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of, orientation_enu_flu
+from bottomlock.export.tracks import Export, ExportTrack, environment_at
 from bottomlock.files.overwriting import digests_of
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.axes import from_angles
@@ -82,7 +82,7 @@ def _reference(
     manifest: Mapping[str, Any], rows: pl.DataFrame, times: int, origin: Place | None
 ) -> ExportTrack:
     """The reference, of so many times."""
-    section, position = manifest["configuration"]["reference"], _position(rows)
+    section = manifest["configuration"]["reference"]
     has_height = section["height"] is not None or section["down"] is not None
     words = f"{manifest['case']}: reference, {manifest['reference_note'] or 'as recorded'}"
     words += "" if has_height else "; heights were not recorded"
@@ -92,9 +92,9 @@ def _reference(
         group="",
         description=words + _without(times - rows.height),
         rows=rows,
-        position_t_m=position,
-        geodetic=geodetic_of(position, origin),
-        orientation_enu_flu=None,
+        position_t_m=_position(rows),
+        origin=origin,
+        attitude=None,
         has_height=has_height,
     )
 
@@ -130,16 +130,8 @@ def _estimates(
         position = _position(rows)
         angles = np.deg2rad(rows.select("roll_deg", "pitch_deg", "yaw_deg").to_numpy())
         attitude = level_axes(environment, position) * from_angles(*angles.T)
-        yield ExportTrack(
-            f"{what_if}_{method}{end}",
-            method,
-            what_if,
-            description,
-            rows,
-            position,
-            geodetic_of(position, origin),
-            orientation_enu_flu(attitude.as_matrix()),
-        )
+        name = f"{what_if}_{method}{end}"
+        yield ExportTrack(name, method, what_if, description, rows, position, origin, attitude)
 
 
 def _placed(rows: pl.DataFrame) -> pl.DataFrame:

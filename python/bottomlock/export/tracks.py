@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,9 +30,8 @@ class ExportTrack:
         description: a sentence for the reader of a file.
         rows: a row a time, with `time_ns`; columns are named as those of a replay's `samples`.
         position_t_m: (n, 3) north, east, down in the tangent frame, m; None for velocities alone.
-        geodetic: (n, 3) latitude, longitude, deg, and height above the ellipsoid, m; None without an origin.
-        orientation_enu_flu: (n, 4) unit quaternions x, y, z, w, forward-left-up to east-north-up; None for a track
-            without an attitude.
+        origin: of the tangent frame; None where its place on the Earth is not known.
+        attitude: (n,) platform to tangent axes; None for a track without one.
         has_height: whether its heights and depths were recorded; those of a reference without are the origin's.
     """
 
@@ -41,8 +41,8 @@ class ExportTrack:
     description: str
     rows: pl.DataFrame
     position_t_m: Floats | None
-    geodetic: Floats | None
-    orientation_enu_flu: Floats | None
+    origin: Place | None
+    attitude: Rotation | None
     has_height: bool = True
 
     @property
@@ -59,6 +59,19 @@ class ExportTrack:
     def position_enu_m(self) -> Floats | None:
         """(n, 3) east, north, up in the tangent frame, m; None for velocities alone."""
         return None if self.position_t_m is None else np.asarray(self.position_t_m @ ENU_FROM_NED.T)
+
+    @cached_property
+    def geodetic(self) -> Floats | None:
+        """(n, 3) latitude, longitude, deg, and height above the ellipsoid, m; None without an origin or positions."""
+        return geodetic_of(self.position_t_m, self.origin)
+
+    @cached_property
+    def orientation_enu_flu(self) -> Floats | None:
+        """(n, 4) unit quaternions x, y, z, w, forward-left-up to east-north-up; None without an attitude."""
+        if self.attitude is None:
+            return None
+        turned = Rotation.from_matrix(ENU_FROM_NED @ self.attitude.as_matrix() @ FLU_FROM_FRD)
+        return np.asarray(turned.as_quat(canonical=True))
 
     @property
     def colour(self) -> str:
@@ -83,21 +96,15 @@ class Export:
     further: Sequence[tuple[str, str, pl.DataFrame]] = ()
 
 
-def orientation_enu_flu(rotation_t_p: Floats) -> Floats:
-    """(n, 4) unit quaternions x, y, z, w of (n, 3, 3) rotations from platform (forward-right-down) to tangent axes."""
-    rotation = Rotation.from_matrix(ENU_FROM_NED @ rotation_t_p @ FLU_FROM_FRD)
-    return np.asarray(rotation.as_quat(canonical=True))
-
-
 def environment_at(latitude_rad: float, earth: Literal["ellipsoid", "tangent_plane"]) -> Environment:
     """The Earth of a track: level axes depend on its shape and the latitude, not on gravity."""
     gravity = normal_gravity_mps2(latitude_rad, 0.0)
     return Environment(latitude_rad=float(latitude_rad), gravity_mps2=gravity, earth=earth)
 
 
-def geodetic_of(position_t_m: Floats, origin: Place | None) -> Floats | None:
+def geodetic_of(position_t_m: Floats | None, origin: Place | None) -> Floats | None:
     """(n, 3) latitude, longitude, deg, and height, m, of positions in the tangent frame of an origin; None without."""
-    if origin is None:
+    if position_t_m is None or origin is None:
         return None
     latitude, longitude, height = geodetic_from_tangent(position_t_m, origin)
     return np.stack([np.rad2deg(latitude), np.rad2deg(longitude), height], axis=-1)

@@ -30,9 +30,9 @@ from bottomlock.io.columns import (
     check_rising,
     check_valid,
     column_numbers,
-    flags_of,
     number_series,
     numbers_of,
+    read_flags,
     whole_numbers,
 )
 from bottomlock.support.later import pl
@@ -254,7 +254,7 @@ class BeamTable:
             arrival_ns=None
             if arrival.null_count() == frame.height
             else arrival.fill_null(NO_TIME_NS).to_numpy(),
-            stale=flags_of(frame, ["stale"], place)[:, 0],
+            stale=read_flags(frame, ["stale"], place)[:, 0],
             extra={name: column_numbers(frame, name, place) for name in frame.columns if _is_extra(name)},
         )
         check_rising(table.time_ns, "time_ns", place)
@@ -285,7 +285,9 @@ def _per_beam(frame: pl.DataFrame, endings: Sequence[str], place: str) -> dict[s
     """Arrays (n, beams) of the quantities of as many beams as the columns are numbered to."""
     beams = next(k for k in count() if f"beam{k + 1}_mps" not in frame.columns)
     return {
-        _OF_BEAM[ending]: (flags_of if ending == "valid" else numbers_of)(frame, _names(ending, beams), place)
+        _OF_BEAM[ending]: (read_flags if ending == "valid" else numbers_of)(
+            frame, _names(ending, beams), place
+        )
         for ending in endings
     }
 

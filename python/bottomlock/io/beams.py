@@ -32,6 +32,7 @@ from bottomlock.io.columns import (
     nanoseconds,
     number_series,
     numbers_of,
+    read_flags,
     read_rows,
 )
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
@@ -282,22 +283,6 @@ def read_times(
     times = times_as_they_stand(table, columns, place, least_ns)
     check_rising(times, columns.time, place)
     return times
-
-
-def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
-    """Columns of 0 and 1, or of the words of a flag (`FLAG_WORDS`), as an array (n, columns).
-
-    Raises:
-        DataError: naming row and column, for anything else.
-    """
-    flags = []
-    for name in names:
-        series = number_series(table, name, place, pl.Float64(), words=True)
-        bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
-        if len(bad):
-            raise bad_column(place, name, f"is {series[int(bad[0])]}", "0, 1, true or false", row=bad[0])
-        flags.append(series.to_numpy() == 1.0)
-    return np.stack(flags, axis=1)
 
 
 def beam_flags(

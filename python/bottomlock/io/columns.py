@@ -206,18 +206,20 @@ def numbers_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
     return np.stack(parts, axis=1) if parts else np.empty((table.height, 0))
 
 
-def flags_of(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
-    """The named columns as flags (n, columns), false where a cell is empty.
+def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.bool_]:
+    """Columns of 0 and 1, or of the words of a flag (`FLAG_WORDS`), as an array (n, columns).
 
     Raises:
-        DataError: as `number_series`, and naming row and column of a number other than 0 and 1.
+        DataError: naming row and column, for anything else.
     """
-    numbers = numbers_of(table, names, place)
-    wrong = np.argwhere(np.isfinite(numbers) & (numbers != 0.0) & (numbers != 1.0))
-    if wrong.size:
-        row, k = (int(index) for index in wrong[0])
-        raise bad_column(place, names[k], f"is {numbers[row, k]:g}", "a flag", row=row)
-    return np.asarray(numbers == 1.0)
+    flags = []
+    for name in names:
+        series = number_series(table, name, place, pl.Float64(), words=True)
+        bad = (series.is_null() | ~series.is_in([0.0, 1.0])).arg_true()
+        if len(bad):
+            raise bad_column(place, name, f"is {series[int(bad[0])]}", "0, 1, true or false", row=bad[0])
+        flags.append(series.to_numpy() == 1.0)
+    return np.stack(flags, axis=1)
 
 
 def check_rising(times: NDArray[np.int64], name: str, place: str) -> None:

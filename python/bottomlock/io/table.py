@@ -14,8 +14,8 @@ from bottomlock.config.validation import checked
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_regular, read_table_file
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Floats, Recording
-from bottomlock.io.beams import Columns, read_flags, read_mapped
-from bottomlock.io.columns import column_names, numbers_of
+from bottomlock.io.beams import Columns, read_mapped
+from bottomlock.io.columns import column_names, numbers_of, read_flags
 from bottomlock.io.rows import PLAIN, Options, make_table, raise_if_empty
 from bottomlock.support.later import pl
 

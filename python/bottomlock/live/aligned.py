@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -243,18 +242,6 @@ class PlatformAttitude:
         return product(self._before, product(np.array(reading.attitude_t_s), self._after))
 
 
-def _motion_of_attitudes(
-    config: NavigatorConfig, longest_attitude_s: float
-) -> Callable[[], MotionFromAttitude] | None:
-    """Makes the motion that takes the place of inertial readings; None where there are such."""
-    imu, origin = config.imu, config.origin
-    if not isinstance(imu, ImuFromAttitude):
-        return None
-    assert origin is not None  # validated
-    longest_s = max(imu.limits.max_gap_s, longest_attitude_s)
-    return partial(MotionFromAttitude, units.rad_from_deg(origin.latitude_deg), longest_interval_s=longest_s)
-
-
 class AlignedNavigator:
     """A navigator that waits for its alignment, and is then given every reading with the sections' errors.
 
@@ -285,8 +272,8 @@ class AlignedNavigator:
         self._instrument, self._settings = instrument, settings
         self._horizon_ns = units.ns_from_s(config.navigation.horizon_s)
         self._platform = None if config.attitude is None else PlatformAttitude(config.attitude)
-        self._new_motion = _motion_of_attitudes(config, longest_attitude_s)
-        self._motion = None if self._new_motion is None else self._new_motion()
+        self._longest_attitude_s = longest_attitude_s
+        self._motion: MotionFromAttitude | None = None
         self._alignment = self._new_alignment()
         self._made: dict[type, Callable[[Any, Floats], SpeedReading]] = {}
         self._last_ns: int | None = None
@@ -295,6 +282,11 @@ class AlignedNavigator:
         self.omega_p_radps: Floats | None = None
         self.water_counts = CellCounts()
         self.imu_fault = ""
+
+    @property
+    def _turns(self) -> bool:
+        """Whether attitudes take the place of inertial readings."""
+        return isinstance(self._config.imu, ImuFromAttitude)
 
     @property
     def waiting_for(self) -> str:
@@ -313,9 +305,7 @@ class AlignedNavigator:
         """
         if self._last_ns is not None and time_ns <= self._last_ns:
             raise KernelError(f"its time does not rise: {time_ns} ns, and the last was {self._last_ns} ns")
-        if self.time_ns is not None and (
-            time_ns < self.time_ns or (self._motion is not None and time_ns == self.time_ns)
-        ):
+        if self.time_ns is not None and (time_ns < self.time_ns or (self._turns and time_ns == self.time_ns)):
             raise KernelError(
                 f"it is older than the estimate: {time_ns} ns, and that is of {self.time_ns} ns"
             )
@@ -379,8 +369,8 @@ class AlignedNavigator:
         if self._platform is None:
             return ()
         attitude_t_p = self._platform.of(reading)
-        if self._motion is not None:
-            return self._turn(self._motion, time_ns, attitude_t_p)
+        if self._turns:
+            return self._turn(time_ns, attitude_t_p)
         if self.navigator is None:
             self._alignment.attitude(time_ns, attitude_t_p)
             return ()
@@ -392,7 +382,7 @@ class AlignedNavigator:
         section = getattr(self._config, sensor.name)
         return () if section is None else sensor.push(navigator, reading, section, self._config.home)
 
-    def _turn(self, motion: MotionFromAttitude, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
+    def _turn(self, time_ns: int, attitude_t_p: Floats) -> Sequence[Report]:
         """Takes an attitude in place of an inertial reading."""
         self.check_time(time_ns)
         if self.navigator is None:
@@ -402,7 +392,8 @@ class AlignedNavigator:
                 self._motion = self._begun(self._alignment.state().velocity_p_mps, time_ns, attitude_t_p)
                 self._start_navigator()
             return ()
-        block = motion.block(time_ns, attitude_t_p)
+        assert self._motion is not None  # since the navigator began
+        block = self._motion.block(time_ns, attitude_t_p)
         reports = self.navigator.push_imu_block(**block)
         self._last_ns = self.time_ns = time_ns
         self.omega_p_radps = block["omega_p_radps"][-1]
@@ -410,14 +401,18 @@ class AlignedNavigator:
 
     def _begun(self, velocity_p_mps: ArrayLike, time_ns: int, attitude_t_p: Floats) -> MotionFromAttitude:
         """A motion that begins with a velocity and an attitude."""
-        assert self._new_motion is not None
-        motion = self._new_motion()
+        imu, origin = self._config.imu, self._config.origin
+        assert isinstance(imu, ImuFromAttitude)
+        assert origin is not None  # validated
+        longest_s = max(imu.limits.max_gap_s, self._longest_attitude_s)
+        latitude_rad = units.rad_from_deg(origin.latitude_deg)
+        motion = MotionFromAttitude(latitude_rad, longest_interval_s=longest_s)
         motion.hold(velocity_p_mps)
         motion.block(time_ns, attitude_t_p)
         return motion
 
     def _new_alignment(self) -> Alignment:
-        if self._motion is not None:
+        if self._turns:
             return AttitudeAlignment(self._start)
         return Alignment(
             self._start,
@@ -454,7 +449,7 @@ class AlignedNavigator:
     def continue_from(self, navigator: Navigator) -> None:
         """Goes on with a navigator that was saved; the readings since then are a gap, which it bridges."""
         self._begin(navigator)
-        if self._motion is not None:
+        if self._turns:
             state = navigator.state()
             self._motion = self._begun(
                 state["velocity_p_mps"], int(state["time_ns"]), np.asarray(state["attitude_t_p"])
