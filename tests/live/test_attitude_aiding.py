@@ -152,9 +152,8 @@ def yaw_error_and_sd(engine: Engine, truth_rad: float) -> tuple[float, float]:
 def test_the_slow_error_is_found(entries: Arrivals) -> None:
     """A start with a known heading and readings that are 3 degrees off: they are told apart, within the claim."""
     engine, _ = fly(made(('level = "attitude"', HEADING)), entries)
-    found = engine.estimator.reference_error
-    assert found is not None
-    error, sd = (np.rad2deg(one[0]) for one in found)
+    found = engine.estimator.known()["reference"]["yaw"]
+    error, sd = (np.rad2deg(found[key]) for key in ("error_rad", "sd_rad"))
     assert 0.2 < sd < 1.0
     assert abs(error - 3.0) < 2.5 * sd
     assert abs(error) > 3.0 * sd

@@ -12,6 +12,7 @@ import math
 from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,6 @@ from bottomlock.live.states import Reasons
 from bottomlock.ports.estimate import Estimate, State, VelocityMethod
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import Ping, Reading
-from bottomlock.recordings.water_cells import CellCounts
 
 BEAM_SENSORS = ("beams", "velocity")
 """The kernel's names of a DVL's measurements in its reports."""
@@ -224,11 +224,6 @@ class Estimator:
         return ""
 
     @property
-    def water_counts(self) -> CellCounts:
-        """What became of the cells of the water."""
-        return CellCounts()
-
-    @property
     def waiting_for(self) -> str:
         """What the start still lacks; "" once there is an estimate."""
         raise NotImplementedError
@@ -243,15 +238,9 @@ class Estimator:
         """Time of the estimate; None without one."""
         raise NotImplementedError
 
-    @property
-    def current(self) -> tuple[Floats, Floats] | None:
-        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
-        return None
-
-    @property
-    def reference_error(self) -> tuple[Floats, Floats] | None:
-        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
-        return None
+    def known(self) -> dict[str, Any]:
+        """What a status has of the attitude reference and of the water, as `health.status`."""
+        return {"reference": {}, "water": None}
 
     def take(self, time_ns: int, reading: Ping | Reading, arrival_ns: int) -> None:
         """Takes a ping or a reading of a time of validity, and when it came; mode velocity uses pings alone.

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.live.estimator import Estimator
 from bottomlock.live.http_server import HTML, JSON, REQUEST_S, TEXT, HttpServer, Request, reply
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
@@ -68,8 +67,7 @@ def status(live: Live) -> dict[str, Any]:
         ],
         "rank": estimator.rank,
         "ping": {"verdict": estimator.last.verdict, "why": estimator.last.why, "nis": estimator.last.nis},
-        "reference": _reference(estimator),
-        "water": _water(estimator),
+        **estimator.known(),
         "gated": dict(estimator.gated),
         "sources": [_source(live, place, now_ns) for place in range(len(engine.sources))],
         "ports": [_port(live, place) for place in range(len(engine.ports))],
@@ -84,26 +82,6 @@ def _attitude(known: Estimate | None) -> tuple[list[float | None], list[float | 
     return list(map(_number, angles(known.attitude_t_p))), [
         _number(math.sqrt(v)) for v in np.diag(known.navigation_covariance)[3:6]
     ]
-
-
-def _reference(estimator: Estimator) -> dict[str, dict[str, float]]:
-    """What was found of the slow error of the attitude or heading, rad, by angle; empty without one."""
-    found = estimator.reference_error
-    if found is None:
-        return {}
-    error, sd = found
-    names = _ANGLES[-len(sd) :]
-    each = zip(names, error.tolist(), sd.tolist(), strict=True)
-    return {name: {"error_rad": value, "sd_rad": one} for name, value, one in each}
-
-
-def _water(estimator: Estimator) -> dict[str, Any] | None:
-    """The current north and east, m/s, with 1 sigma, and what became of the cells; None without water track."""
-    found = estimator.current
-    if found is None:
-        return None
-    current, sd = (values.tolist() for values in found)
-    return {"current_mps": current, "current_sd_mps": sd, "cells": estimator.water_counts.text()}
 
 
 def _number(value: float) -> float | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import Ping, Reading
 from bottomlock.recordings.sensors import SENSORS
-from bottomlock.recordings.streams import Flags, Floats
-from bottomlock.recordings.water_cells import CellCounts
+from bottomlock.recordings.streams import Flags
 
 T = TypeVar("T")
 
@@ -72,11 +71,6 @@ class NavigationEstimator(Estimator):
         return self._aligned.imu_fault or self._rejected_reading
 
     @property
-    def water_counts(self) -> CellCounts:
-        """What became of the cells of the water."""
-        return self._aligned.water_counts
-
-    @property
     def waiting_for(self) -> str:
         """What the start still lacks: the alignment, then a ping that fits."""
         waits = self._aligned.waiting_for
@@ -89,24 +83,29 @@ class NavigationEstimator(Estimator):
             return None
         return float(np.sqrt(np.diag(self.navigator.covariance())[6:9].max()))
 
-    @property
-    def current(self) -> tuple[Floats, Floats] | None:
-        """Current at the vehicle, north and east, and 1 sigma, m/s; None without water track."""
-        if self.navigator is None or self._config.water_track is None:
-            return None
-        water = self.navigator.water()
+    def known(self) -> dict[str, Any]:
+        """As `Estimator.known`."""
+        navigator, section = self.navigator, self._attitude
+        reference: dict[str, dict[str, float]] = {}
+        if navigator is None:
+            return super().known()
+        if section is not None and section.aids != "nothing":
+            whole = section.aids == "attitude"
+            found = navigator.attitude_error() if whole else navigator.heading_error()
+            if found is not None:
+                error, sd = (np.atleast_1d(found[key]).tolist() for key in ("error_rad", "sd_rad"))
+                names = ("roll", "pitch", "yaw")[-len(sd) :]
+                each = zip(names, error, sd, strict=True)
+                reference = {name: {"error_rad": value, "sd_rad": one} for name, value, one in each}
+        water = None if self._config.water_track is None else navigator.water()
         if water is None:
-            return None
-        return water["current_t_mps"], np.sqrt(np.diag(water["current_covariance"]))
-
-    @property
-    def reference_error(self) -> tuple[Floats, Floats] | None:
-        """Slow error found of the aiding attitude (roll, pitch, yaw) or heading, and 1 sigma, rad; None without one."""
-        if self.navigator is None or self._attitude is None or self._attitude.aids == "nothing":
-            return None
-        whole = self._attitude.aids == "attitude"
-        found = self.navigator.attitude_error() if whole else self.navigator.heading_error()
-        return None if found is None else (np.atleast_1d(found["error_rad"]), np.atleast_1d(found["sd_rad"]))
+            return {"reference": reference, "water": None}
+        shown = {
+            "current_mps": water["current_t_mps"].tolist(),
+            "current_sd_mps": np.sqrt(np.diag(water["current_covariance"])).tolist(),
+            "cells": self._aligned.water_counts.text(),
+        }
+        return {"reference": reference, "water": shown}
 
     def take(self, time_ns: int, reading: Ping | Reading, arrival_ns: int) -> None:
         """Takes a ping or a reading; one that moves the vehicle and is refused ends the navigator.
