@@ -50,9 +50,12 @@ class Layout:
     def of(self, found: Found) -> tuple[Records, Records]:
         """The records of bottom and of water track; others are counted."""
         data, account, every = found.data, found.account, frames(found)
-        mine = np.ones(len(every.kind), dtype=bool) if self.family is None else every.family == self.family
-        bottom = every.pings((every.kind == self.bottom) & mine, account).of_layout(self.fields, account)
-        water = every.where((every.kind == self.water) & mine & (every.size >= self.fields.itemsize))
+        is_bottom, is_water = every.kind == self.bottom, every.kind == self.water
+        if self.family is not None:
+            is_bottom &= every.family == self.family
+            is_water &= every.family == self.family
+        bottom = every.pings(is_bottom, account).of_layout(self.fields, account)
+        water = every.where(is_water & (every.size >= self.fields.itemsize))
         of_bottom, of_water = (
             (fields_at(data, one.start, self.fields), one.position) for one in (bottom, water)
         )
@@ -66,7 +69,8 @@ class Layout:
         Raises:
             DataError: where there is none.
         """
-        table, layer = self._bottom(*bottom, account, options), self._layer(*water, account, options)
+        table = self._bottom(*bottom, account, options)
+        layer = self._layer(*water, account, options) if len(water[0]) else None
         raise_if_empty(account, place, self.what, layer, options)
         notes = [UNSURE, *_vertical_note(table)]
         if layer is not None and not (layer.range_m > 0.0).all():
@@ -78,23 +82,26 @@ class Layout:
         self, fields: NDArray[Any], position: Integers, account: Account, options: Options
     ) -> BeamTable:
         time_ns, on_clock = self.clock(fields)
-        account.skip_where("clock out of range", ~on_clock, position)
-        f, at = fields[on_clock], position[on_clock]
-        velocity, valid, along_m, fom, rest = self._beams(f)
+        if not on_clock.all():
+            account.skip_where("clock out of range", ~on_clock, position)
+            fields, position, time_ns = fields[on_clock], position[on_clock], time_ns[on_clock]
+        velocity, valid, along_m, fom, rest = self._beams(fields)
         if "error" in (self.fields.names or ()):
-            error, beams = f["error"], f["beams"]
-            account.flag_where("instrument reports an error", error > 0, at, lambda k: f"code {error[k]:#x}")
+            error, beams = fields["error"], fields["beams"]
+            account.flag_where(
+                "instrument reports an error", error > 0, position, lambda k: f"code {error[k]:#x}"
+            )
             other = (beams != 0) & (beams != velocity.shape[1])
             account.flag_where(
-                "record states another number of beams", other, at, lambda k: f"{beams[k]} beams"
+                "record states another number of beams", other, position, lambda k: f"{beams[k]} beams"
             )
-        axes, known = _axes(f["axes"], rest)
-        has_fom = rest[:, f["axes"].shape[1] :][:, :3].all(axis=1)
+        axes, known = _axes(fields["axes"], rest)
+        has_fom = rest[:, fields["axes"].shape[1] :][:, :3].all(axis=1)
         return make_table(
             account,
             velocity.shape[1],
-            at,
-            time_ns[on_clock],
+            position,
+            time_ns,
             velocity,
             valid,
             range_m=along_m,
@@ -102,9 +109,9 @@ class Layout:
             instrument=axes,
             verdict=known,
             extra={
-                "instrument_sd_mps": np.where(has_fom, f["axes_fom"][:, :3].max(axis=1), NAN),
-                "sound_speed_mps": f["sound"],
-                **{f"beam{k + 1}_delay_s": one for k, one in enumerate(f["delay"].T)},
+                "instrument_sd_mps": np.where(has_fom, fields["axes_fom"][:, :3].max(axis=1), NAN),
+                "sound_speed_mps": fields["sound"],
+                **{f"beam{k + 1}_delay_s": one for k, one in enumerate(fields["delay"].T)},
             },
             negate=options.negate_beams,
         )
@@ -136,12 +143,18 @@ class Layout:
         )
         beams, axes = velocity.shape[1], fields["axes"].shape[1]
         flags = flags_of(fields["status"], 3 * beams + 2 * axes)
-        valid, ranged, sure, rest = np.split(flags, np.arange(1, 4) * beams, axis=1)
+        valid, ranged, sure = (flags[:, k * beams : (k + 1) * beams] for k in range(3))
         if self.tilt_rad is not None:
             velocity = np.where(velocity > NO_VELOCITY_MPS + 1e-3, velocity, NAN)
             valid, ranged = valid & np.isfinite(velocity), ranged & (distance > 0.0)
             distance, sure = distance / math.cos(self.tilt_rad), sure & (fom < NO_FOM_MPS)
-        return velocity, valid, np.where(ranged, distance, NAN), np.where(sure, fom, NAN), rest
+        return (
+            velocity,
+            valid,
+            np.where(ranged, distance, NAN),
+            np.where(sure, fom, NAN),
+            flags[:, 3 * beams :],
+        )
 
 
 def _axes(axes: NDArray[np.float32], good: Flags) -> tuple[Floats, Flags]:
