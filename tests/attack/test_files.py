@@ -6,10 +6,8 @@ import random
 from pathlib import Path
 
 import polars as pl
-import pytest
 
 from bottomlock.errors import BottomlockError
-from bottomlock.files import records
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, write_replay
 from bottomlock.tables.replay import ReplayTables
@@ -51,11 +49,3 @@ def silent_flips(folder: Path, count: int) -> list[str]:
 
 def test_no_bit_changes_a_table_in_silence(tmp_path: Path) -> None:
     assert silent_flips(tmp_path, 40) == []
-
-
-def test_the_flips_find_a_reader_that_checks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def unchecked(path: Path, record: object, *, remedy: str) -> bytes:  # noqa: ARG001
-        return path.read_bytes()
-
-    monkeypatch.setattr(records, "read_recorded", unchecked)
-    assert silent_flips(tmp_path, 10)

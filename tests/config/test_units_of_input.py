@@ -83,13 +83,6 @@ def replayed(**changed: Any) -> Any:  # noqa: ANN401 - the kernel's dict
     )
 
 
-def test_gyros_in_degrees_a_second_are_named() -> None:
-    made = navigator("ins")
-    made.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0, 0, -9.8])
-    (report,) = made.push_imu(20_000_000, omega_p_radps=[0.0, 0.0, 20.0], force_p_mps2=[0, 0, -9.8])
-    assert report.reason == "angular rate z is 20 rad/s, beyond the full scale of 10 rad/s: is it in deg/s?"
-
-
 def test_angles_and_deviations_in_other_units_are_refused() -> None:
     """In degrees or mm/s; a turn and half a turn are taken."""
     made = navigator()

@@ -16,6 +16,12 @@ def test_surface_gravity(latitude_deg: float) -> None:
     )
 
 
+def test_values_of_the_defining_table() -> None:
+    """WGS 84 by definition at the equator and at the poles."""
+    assert bottomlock.normal_gravity_mps2(0.0, 0.0) == pytest.approx(9.7803253359, abs=3e-8)
+    assert bottomlock.normal_gravity_mps2(np.pi / 2, 0.0) == pytest.approx(9.8321849378, abs=3e-8)
+
+
 def test_depth_term() -> None:
     """In the sea gravity grows by 2.2e-6 m/s² per metre, not by the 3.1e-6 of free air."""
     gain = bottomlock.normal_gravity_mps2(0.5, 1000.0) - bottomlock.normal_gravity_mps2(0.5, 0.0)

@@ -148,18 +148,3 @@ def test_beyond_the_horizon_is_refused_and_counted() -> None:
 def test_a_horizon_is_nanoseconds_up_to_ten_seconds(value: Any, words: str) -> None:  # noqa: ANN401
     with pytest.raises(KernelError, match=words):
         under_way(horizon_ns=value)
-
-
-def test_memory_is_flat_and_saved_bytes_are_stated() -> None:
-    """What a navigator keeps does not grow with the dive; a kilobyte is 17 readings (docs/late_data.md)."""
-    to = under_way(3.0)
-    sizes = [len(to.save())]
-    for second in range(3, 30, 9):
-        times = np.arange(second * 100 + 1, second * 100 + 901) * 10 * MS
-        force = np.tile(LEVEL, (len(times), 1))
-        to.push_imu_block(times, omega_p_radps=np.zeros((len(times), 3)), force_p_mps2=force)
-        sizes.append(len(to.save()))
-    assert max(sizes) - min(sizes) < 20 * 60
-    assert sizes[0] < 8_000 + 220 * 60
-    longest = under_way(12.0, horizon_ns=10 * SECOND)
-    assert len(longest.save()) < 6_600 + 1020 * 60

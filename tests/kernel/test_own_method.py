@@ -129,15 +129,6 @@ def test_a_calibration_beside_it_is_refused() -> None:
     bottomlock.Navigator(bottomlock.BeamGeometry.janus(0.35), model, options, start, method="tc")
 
 
-def test_a_fix_is_taken_with_its_covariance() -> None:
-    """A velocity of 2 m/s north that is stated to a millimetre a second is the estimate afterwards."""
-    exact = Returns("exact_fix", Fix([2.0, 0.0, 0.0], np.eye(3) * 1e-6))
-    name = own_method.register(exact)
-    found = kernel.run_batch(**batch_along(3.0), methods=["ins", name], runs=2, threads=1)
-    assert np.abs(found["error"][:, 1, -1, 6:9]).max() < 0.02
-    assert np.abs(found["sd"][:, 1, -1, 6:9]).max() < 0.02 < found["sd"][:, 0, -1, 6:9].max()
-
-
 def made_here(gain: float) -> type[own_method.OwnMethod]:
     """A class that no other process can import."""
 

@@ -77,21 +77,3 @@ def test_three_beams_are_plain_least_squares_for_every_method(method: FixMethod)
     fix, plain = solve((1, 2, 4), method, **prior()), solve((1, 2, 4), "lc")
     np.testing.assert_allclose(fix.velocity_p_mps, plain.velocity_p_mps, atol=1e-12)
     np.testing.assert_allclose(fix.cov_m2ps2, plain.cov_m2ps2, rtol=1e-10)
-
-
-def test_one_lost_beam_of_three_is_partial_already() -> None:
-    """A three-beam instrument has no beam to spare: two left see a plane, and what lies across it has no value."""
-    three = bottomlock.BeamGeometry.from_angles(np.full(3, 0.35), np.deg2rad([0, 120, 240]))
-    y = three.beam_velocities(VELOCITY[None])
-    fix = bottomlock.solve_velocity(three, y, [[True, True, False]], method="plcf", beam_sd_mps=0.042)
-    assert fix.rank[0] == 2
-    assert STATUS[fix.status[0]] != "fix"
-
-
-def test_coplanar_beams_are_not_three() -> None:
-    """Three beams in one plane measure two axes: rank 2 and a refusal, never a number from a singular matrix."""
-    flat = bottomlock.BeamGeometry.from_angles([0.35, 0.35, 0.0], np.deg2rad([0, 180, 0]))
-    y = flat.beam_velocities(VELOCITY[None])
-    fix = bottomlock.solve_velocity(flat, y, [[True] * 3], method="lc", beam_sd_mps=0.042)
-    assert fix.rank[0] == 2
-    assert STATUS[fix.status[0]] == "unobservable"

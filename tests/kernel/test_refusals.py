@@ -37,13 +37,6 @@ def error_model(model: Any = None, **changed: Any) -> Any:  # noqa: ANN401 - an 
     )
 
 
-def with_density(section: str, key: str) -> Any:  # noqa: ANN401 - a model
-    """A model with a density that has no square."""
-    model: Any = settings.table_2()
-    model[section][key] = 1e200
-    return model
-
-
 def beams(**changed: Any) -> Any:  # noqa: ANN401 - an argument of any kind
     return JANUS.beam_velocities(**({"velocity_p_mps": np.zeros((2, 3))} | changed))
 
@@ -117,14 +110,8 @@ ASYMMETRIC = np.array([[1.0, 0.9, 0.0], [-0.9, 1.0, 0.0], [0.0, 0.0, 1.0]])
 BEYOND_ONE = np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 REFUSED: list[tuple[str, Callable[[], object]]] = [
     ("attitude_t_p has norm 2, expected 1", lambda: error_model(attitude_t_p=[2.0, 0.0, 0.0, 0.0])),
-    *(
-        (rf"{key} is .*, expected less than 1e12 in SI units: a filler",
-         lambda s=section, k=key: error_model(with_density(s, k)))
-        for section, key in (("imu", "gyro_noise_rad_rts"), ("dvl", "beam_noise_sd_mps"), ("depth", "sd_m"))
-    ),
     ("time_ns.* 18446744073709551611, which int64 cannot hold, .*: a negative time", lambda: block(WRAPPED)),
     ("time_ns.* row 1 is 4611686018427387904 ns, more than 146 years", lambda: block(np.array([0, 2**62]))),
-    ("time_ns.* row 0 is -9223372036854775808 ns, more than 146 years", lambda: block(np.array([-(2**63), 0]))),
     (
         "imu time 9223372036854775807 ns lies more than 146 years from 0",
         lambda: still().push_imu(2**63 - 1, omega_p_radps=np.zeros(3), force_p_mps2=np.zeros(3)),
@@ -132,9 +119,7 @@ REFUSED: list[tuple[str, Callable[[], object]]] = [
     ("gate_probability is NaN, expected strictly", lambda: still(gate="per_row", gate_probability=np.nan)),
     ("depth_m is 1e9, expected at most 12 km", lambda: kernel.normal_gravity_mps2(0.5, 1e9)),
     ("gravity_mps2 is 980, expected", lambda: bottomlock.Environment(latitude_rad=0.5, gravity_mps2=980.0)),
-    ("gravity_mps2 is -9.8, expected", lambda: bottomlock.Environment(latitude_rad=0.5, gravity_mps2=-9.8)),
     ("velocity_mps", lambda: fixes(velocity_mps=np.ones((5, 3)))),
-    ("velocity_mps", lambda: fixes(velocity_mps=np.ones(4))),
     ("valid", lambda: fixes(valid=np.ones((4, 4), dtype=bool))),
     ("valid", lambda: fixes(valid=np.ones((5, 4)))),
     ("beam_sd_mps", lambda: fixes(beam_sd_mps=np.ones(3))),

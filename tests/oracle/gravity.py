@@ -35,8 +35,3 @@ def free_air_gradient() -> float:
 def depth_gradient(density_kgpm3: float = SEA_WATER_KGPM3) -> float:
     """Growth of gravity per metre downwards in water, 1/s²."""
     return free_air_gradient() - 4 * np.pi * GRAVITATIONAL_CONSTANT * density_kgpm3
-
-
-def normal_gravity(latitude_rad: float, depth_m: float) -> float:
-    """Gravity at a latitude and depth, m/s²."""
-    return somigliana(latitude_rad) + depth_gradient() * depth_m

@@ -4,13 +4,12 @@ For a motion that is analytic over the window, H Φ u = 0 on the window if and o
 series at the start gives zero, so the rank of the coefficients is the rank of the window. Motions are sines and cosines
 of rational angles from zero, whose series are rational. A quiet leg before has a nilpotent F, hence an exact Φ.
 
-Numbers are either `fractions.Fraction` or integers modulo a prime of 61 bits: the rank modulo a prime never exceeds the
-rational one, and falls short only if the prime divides every largest minor.
+Numbers are integers modulo a prime of 61 bits: the rank modulo a prime never exceeds the rational one, and falls short
+only if the prime divides every largest minor, which two primes do not.
 """
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,25 +20,24 @@ PRIMES = (2**61 - 1, 2**61 - 31)
 
 
 class Field:
-    """Rational numbers, or integers modulo a prime."""
+    """Integers modulo a prime."""
 
-    def __init__(self, prime: int | None = None) -> None:
+    def __init__(self, prime: int) -> None:
         self.prime = prime
 
-    def number(self, value: Fraction | int) -> Any:  # noqa: ANN401 - one of two kinds of number
-        """A number of this kind."""
+    def number(self, value: Fraction | int) -> int:
+        """A rational number."""
         exact = Fraction(value)
-        if self.prime is None:
-            return exact
         return exact.numerator * pow(exact.denominator, -1, self.prime) % self.prime
 
     def reduce(self, m: Matrix) -> Matrix:
         """The canonical form of every entry."""
-        return m if self.prime is None else m % self.prime
+        reduced: Matrix = m % self.prime
+        return reduced
 
-    def inverse(self, value: Any) -> Any:  # noqa: ANN401
+    def inverse(self, value: int) -> int:
         """The reciprocal."""
-        return 1 / value if self.prime is None else pow(int(value), -1, self.prime)
+        return pow(int(value), -1, self.prime)
 
     def matrix(self, rows: Sequence[Sequence[Fraction | int]]) -> Matrix:
         """A matrix from rows."""
@@ -182,7 +180,7 @@ def value_at(field: Field, series: Series, time: Fraction) -> Matrix:
     total, power, t = field.zeros(*series[0].shape), field.number(1), field.number(time)
     for m in series:
         total = field.reduce(total + m * power)
-        power = power * t if field.prime is None else power * t % field.prime
+        power = power * t % field.prime
     return total
 
 

@@ -79,14 +79,6 @@ def test_the_six_cases_in_exact_arithmetic(case: PaperCase) -> None:
         assert found == {case.exact[window, kind]}
 
 
-def test_rational_numbers_say_the_same() -> None:
-    """The turn over fractions: the modular rank is no artefact of a prime."""
-    for sign, expected in ((1, 8), (-1, 9)):
-        field = Field()
-        F, H, _ = paper_system(field, paper_motion("yaw", 10), GRAVITY, 7, sign=sign)
-        assert rank(field, observability_rows(field, F, H, 7)) == expected
-
-
 def test_eleven_needs_a_change_of_speed() -> None:
     """The printed 11 of the DVL's turn: with the consistent sign, a straight leg first and a speed that changes."""
     accelerating = ([Q(0), RATE], [Q(0)], [[Q(10), Q(0), Q(0)], [Q(1, 10), Q(0), Q(0)]])

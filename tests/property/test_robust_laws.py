@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -19,7 +18,6 @@ from tests.property.test_filter_laws import error_of, initial, state_covariances
 
 A = beams.x_janus()
 SD = np.array([0.03, 0.04, 0.05, 0.04])
-OFF: dict[str, Any] = {"tail": "gaussian"}
 NO_GATES: dict[str, Any] = {"closure_gate": None, "beam_gate": None}
 
 
@@ -72,18 +70,3 @@ def test_student_t_is_the_variational_update(
     np.testing.assert_allclose(got / sd, x / sd, atol=1e-5)
     np.testing.assert_allclose(after / np.outer(sd, sd), posterior / np.outer(sd, sd), atol=1e-5)
     assert np.isnan(report.beam_weight[~valid]).all()
-
-
-@pytest.mark.parametrize("method", ["tc", "lc", "info", "vb", "plcf"])
-def test_off_is_off_bit_for_bit(method: Method) -> None:
-    """No options, None and a Gaussian without gates: the same update to the last bit."""
-    P = np.diag(
-        np.array([2.0] * 3 + [0.01] * 3 + [0.1] * 3 + [5e-3] * 3 + [1e-5] * 3 + [5e-3] * 4 + [7e-3]) ** 2
-    )
-    noise, valid = np.array([0.1, -0.05, 0.02, 0.3]), np.ones(4, bool)
-    plain = pushed(None, P, noise, valid, method)
-    for robust in (OFF, {"tail": "gaussian", "beam_gate": None}):
-        other = pushed(robust, P, noise, valid, method)
-        np.testing.assert_array_equal(other[0], plain[0])
-        np.testing.assert_array_equal(other[1], plain[1])
-        assert other[2].beam_weight is None

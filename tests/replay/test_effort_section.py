@@ -163,8 +163,6 @@ def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> N
         ("mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),
         ("[14.0, 5.0, 33.0]", "[-14.0, 5.0, 33.0]", "expected >= 0"),
         ("buoyancy_n = 2.4", "buoyancy_kg = 2.4", "buoyancy_kg"),
-        ("buoyancy_n = 2.4", "noise_n = 1.0", r"effort: noise_n is no key any more; .* noise_mps now"),
-        ("buoyancy_n = 2.4", "inertia_percent = 20.0", "inertia_percent is no key any more; leave it out"),
         (
             "[14.0, 5.0, 33.0]\nquadratic_drag_kg_per_m = [141.0, 217.0, 190.0]",
             "[0.0, 0.0, 0.0]",

@@ -174,9 +174,3 @@ def test_relative_links_resolve(root: Path) -> None:
     assert len(files) > 40
     broken = {str(file.relative_to(root)): broken_links(file) for file in files}
     assert {name: links for name, links in broken.items() if links} == {}
-
-
-def test_a_broken_link_is_noticed(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text("# A b, c\n[x](gone.md) [y](#a-b-c) [z](page.md#no) `[q](code.md)` [w](https://x.org)\n")
-    assert broken_links(page) == ["gone.md", "page.md#no"]

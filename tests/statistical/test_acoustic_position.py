@@ -69,9 +69,3 @@ def test_innovations_and_errors_are_as_large_as_claimed(method: Method) -> None:
     assert low < nis < high, (nis, count)
     low, high = mean_band(3, RUNS, PROBABILITY)
     assert low < nees < high, nees
-
-
-def test_a_wrong_weight_shows() -> None:
-    """With two thirds of the deviation, the filter is found overconfident: the check can fail."""
-    nis, count, _ = run_filter("ins", 2.0 / 3.0)
-    assert nis > mean_band(3, count, PROBABILITY)[1]

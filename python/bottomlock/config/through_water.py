@@ -1,6 +1,5 @@
 """Speed through the water by what drives a vehicle: revolutions of its propeller, or forces of its thrusters."""
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import model_validator
@@ -63,18 +62,6 @@ class EffortErrors(DriveErrors):
     """buoyancy less weight; negative for a vehicle that sinks"""
     lever_arm_m: Vector = (0.0, 0.0, 0.0)
     """the place that mass and drag refer to, platform frame"""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_no_old_key(cls, content: Any) -> Any:  # noqa: ANN401 - as it stands in the file
-        old = {
-            "noise_n": "a reading's noise is noise_mps now, as a speed",
-            "inertia_percent": "leave it out: uncertainty_percent and slip_mps hold it",
-        }
-        for key, instead in old.items() if isinstance(content, Mapping) else ():
-            if key in content:
-                raise ValueError(f"{key} is no key any more; {instead}")
-        return content
 
     @model_validator(mode="after")
     def _has_drag(self) -> Self:

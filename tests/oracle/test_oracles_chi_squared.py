@@ -1,12 +1,11 @@
-"""The textbook filter, its discretisation, the chi-squared bands and gravity, each on cases with a known answer."""
+"""The chi-squared bands on cases with a known answer."""
 
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.integrate import quad
 
 from tests.dive import gauss_markov
-from tests.oracle import chi_squared, gravity
+from tests.oracle import chi_squared
 
 
 def test_average_band_of_textbooks() -> None:
@@ -53,25 +52,3 @@ def test_bands_catch_an_overconfident_filter() -> None:
     inside = np.mean((mean > lo) & (mean < hi))
     assert inside < chi_squared.least_fraction_inside(nees, 6, (lo, hi))
     assert nees.mean() > chi_squared.mean_band(nees.mean(axis=1), 6)[1]
-
-
-def test_gravity_of_the_defining_table() -> None:
-    """WGS 84 by definition at equator and pole, and its tabulated mean over the ellipsoid, 9.797 643 222 2 m/s²."""
-    assert gravity.somigliana(0.0) == pytest.approx(9.7803253359, abs=1e-12)
-    assert gravity.somigliana(np.pi / 2) == pytest.approx(9.8321849378, abs=1e-12)
-    e2 = gravity.FLATTENING * (2 - gravity.FLATTENING)
-
-    def area(latitude_rad: float) -> float:
-        return float(np.cos(latitude_rad) / (1 - e2 * np.sin(latitude_rad) ** 2) ** 2)
-
-    total, _ = quad(area, 0, np.pi / 2, epsabs=1e-13)
-    weighted, _ = quad(lambda x: gravity.somigliana(x) * area(x), 0, np.pi / 2, epsabs=1e-12)
-    assert weighted / total == pytest.approx(9.7976432222, abs=1e-9)
-
-
-def test_gravity_grows_with_depth_in_the_sea() -> None:
-    """3.086e-6 − 4πGρ = 2.226e-6 m/s² per metre at 1025 kg/m³: 2.2 mm/s² per kilometre, not the free-air 3.1."""
-    assert gravity.depth_gradient() == pytest.approx(2.226e-6, abs=1e-9)
-    assert gravity.normal_gravity(0.5, 1000.0) - gravity.normal_gravity(0.5, 0.0) == pytest.approx(
-        2.226e-3, abs=1e-6
-    )
