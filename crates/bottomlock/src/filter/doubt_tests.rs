@@ -152,3 +152,20 @@ fn beams_are_believed_after_half_a_minute() {
     assert!(factors[4].is_some_and(|factor| factor > 25.0));
     assert!(filter.run(Sensor::Beams).is_empty());
 }
+
+/// Of a run that is doubted one outlier is no end, and two in a row are.
+#[test]
+fn an_outlier_does_not_end_a_doubt() {
+    let (off, outlier) = (Vector3::x(), -Vector3::x());
+    let mut run = Run::default();
+    for (time_ns, correction) in [off, off, outlier, off, outlier, off].into_iter().enumerate() {
+        run.push(true, 4.0, correction, time_ns as i64, 2);
+    }
+    assert_eq!((run.doubtful, run.since_ns, run.correction), (4, 0, off));
+    run.push(true, 4.0, outlier, 6, 2);
+    run.push(true, 4.0, outlier, 7, 2);
+    assert_eq!((run.doubtful, run.since_ns), (1, 7));
+    // Before it is doubted every outlier is.
+    run.push(true, 4.0, off, 8, 2);
+    assert_eq!((run.doubtful, run.since_ns), (1, 8));
+}

@@ -57,6 +57,8 @@ struct Run {
     /// What the first and the last showed of the measured quantity's error.
     first: Vector3<f64>,
     correction: Vector3<f64>,
+    /// Whether the last reading did not agree.
+    has_strayed: bool,
     /// Whether the covariance of the velocity holds the correction.
     is_held: bool,
 }
@@ -76,15 +78,22 @@ impl Evidence {
 }
 
 impl Run {
-    /// Counts a reading.
-    fn push(&mut self, is_doubtful: bool, factor: f64, correction: Vector3<f64>, time_ns: i64) {
-        if self.is_empty() || !agree(&self.correction, &correction) {
+    /// Counts a reading. One that does not agree begins the run anew, but for a single one once `needed` are doubtful: an outlier does
+    /// not end half a minute of doubt.
+    fn push(&mut self, is_doubtful: bool, factor: f64, correction: Vector3<f64>, time_ns: i64, needed: u32) {
+        let agrees = agree(&self.correction, &correction);
+        if !agrees && self.doubtful >= needed && !self.has_strayed {
+            self.has_strayed = true;
+            return;
+        }
+        if self.is_empty() || !agrees {
             *self = Self {
                 since_ns: time_ns,
                 first: correction,
                 ..Self::default()
             };
         }
+        self.has_strayed = false;
         self.correction = correction;
         self.log_factor += factor.ln();
         if is_doubtful {
@@ -219,7 +228,7 @@ impl Eskf {
         let block = measured_block(sensor);
         let factor = matching_factor(innovation, &whole, &both);
         let run = self.run_mut(sensor);
-        run.push(is_doubtful, factor, solved(innovation, block), time_ns);
+        run.push(is_doubtful, factor, solved(innovation, block), time_ns, needed);
         let is_complete = run.explained >= needed;
         let is_believed = run.doubtful >= needed && time_ns - run.since_ns >= LONGEST_DOUBT_NS;
         if is_complete || is_believed {

@@ -19,7 +19,7 @@ use crate::state::NavState;
 fn factor_is_the_geometric_mean_over_consecutive_rejections() {
     let mut run = Run::default();
     for (k, factor) in [4.0, 9.0, 6.0].into_iter().enumerate() {
-        run.push(k == 1, factor, Vector3::x(), 7 + k as i64);
+        run.push(k == 1, factor, Vector3::x(), 7 + k as i64, 5);
     }
     assert!((run.factor() - 6.0).abs() < 1e-9);
     assert_eq!((run.explained, run.doubtful, run.since_ns), (2, 1, 7));
@@ -270,10 +270,10 @@ fn errors_that_agree() {
 #[test]
 fn rejections_that_disagree_begin_anew() {
     let mut run = Run::default();
-    run.push(false, 4.0, Vector3::x(), 7);
-    run.push(false, 4.0, -Vector3::x(), 8);
+    run.push(false, 4.0, Vector3::x(), 7, 5);
+    run.push(false, 4.0, -Vector3::x(), 8, 5);
     assert_eq!((run.explained, run.since_ns), (1, 8));
-    run.push(false, 4.0, -Vector3::x(), 9);
+    run.push(false, 4.0, -Vector3::x(), 9, 5);
     assert_eq!((run.explained, run.since_ns), (2, 8));
 }
 
