@@ -128,15 +128,6 @@ def azimuth(vectors: Array) -> Array:
     return np.asarray(np.arctan2(vectors[..., 1], vectors[..., 0]))
 
 
-def angle_between(one: Array, other: Array) -> Array:
-    """Angle between unit vectors (..., 3), rad.
-
-    >>> float(angle_between(np.array([0.0, 1.0, 0.0]), np.array([0.0, 1.0, 0.0])))
-    0.0
-    """
-    return np.asarray(np.arccos(np.clip((one * other).sum(axis=-1), -1.0, 1.0)))
-
-
 def line_angle(one: Array, other: Array) -> float:
     """Angle between the lines of two unit vectors (3,), whichever way they point, rad."""
     return float(np.arccos(min(abs(float(one @ other)), 1.0)))

@@ -9,7 +9,6 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from bottomlock.errors import DataError
-from bottomlock.figures.palette import WIDTH_IN
 from bottomlock.figures.series import Panel, Track
 from bottomlock.figures.timeline import timeline_figure
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
@@ -117,12 +116,11 @@ def make_replay_report(folder: str | Path, *, force: bool = False) -> Path:
 
 def report_files(tables: ReplayTables) -> Files:
     """The contents of the page and of the figures."""
-    pictures, figures = Pictures(), []
-    first_map = f"map_{tables.manifest['what_if'][0][0]}"
-    plots = dive_of(tables)
-    for drawing in drawings(tables, plots):
-        kind = "wide" if drawing.figure.get_figwidth() > WIDTH_IN or drawing.name == first_map else ""
-        figures.append((drawing, pictures.add(drawing.figure, drawing.name, drawing.caption, kind)))
+    pictures, plots = Pictures(), dive_of(tables)
+    figures = [
+        (drawing, pictures.add(drawing.figure, drawing.name, drawing.caption, ""))
+        for drawing in drawings(tables, plots)
+    ]
     return pictures.files | {PAGE: html(explained(page_of(tables, figures, plots)))}
 
 
