@@ -134,16 +134,17 @@ class Decoder:
 
     def take(self) -> list[Taken]:
         """What has become whole since the last call, in the order of the records."""
-        negate, account = self.options.negate_beams, self.account
-        return [
-            Taken(
-                table_of([row], row.beams, account, negate=negate),
-                self.frame,
-                water_of([row], row.beams, account, negate=negate),
-                row.sent_ns,
-            )
-            for row in self.ready()
-        ]
+        found = []
+        for row in self.ready():
+            table, water = self._made([row], row.beams)
+            found.append(Taken(table, self.frame, water, row.sent_ns))
+        return found
+
+    def _made(self, rows: Sequence[Row], beams: int) -> tuple[BeamTable, WaterTable | None]:
+        """The tables of rows: of the pings, and of their water."""
+        account, negate = self.account, self.options.negate_beams
+        table = table_of(rows, beams, account, negate=negate)
+        return table, water_of(rows, beams, account, negate=negate)
 
     def recording(self) -> Recording:
         """The table of a file that was fed whole, and what is known of it.
@@ -159,13 +160,9 @@ class Decoder:
         Raises:
             DataError: where no record is a ping; `what` names one.
         """
-        rows, account, negate = self.rows if rows is None else rows, self.account, self.options.negate_beams
-        table, water = (
-            table_of(rows, beams, account, negate=negate),
-            water_of(rows, beams, account, negate=negate),
-        )
-        raise_if_empty(account, self.place, what)
-        return Recording("", table, account, self.frame, clock="", time_of="record", water=water)
+        table, water = self._made(self.rows if rows is None else rows, beams)
+        raise_if_empty(self.account, self.place, what)
+        return Recording("", table, self.account, self.frame, clock="", time_of="record", water=water)
 
 
 class LineDecoder(Decoder):
