@@ -389,22 +389,28 @@ def read_beams(
     assert beams is not None
     columns = columns or Columns()
     table = read_rows(Path(path))
-    velocity_names = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))
-    valid_names = columns.valid or tuple(f"beam{k + 1}_valid" for k in range(beams))
-    for kind, names in (("velocity", velocity_names), ("valid", valid_names)):
-        if len(names) != beams:
-            raise DataError(
-                f"names {len(names)} columns",
-                place=place,
-                key=f"columns.{kind}",
-                expected=f"{beams}, one per beam",
-            )
+    velocity_names, valid_names = beam_columns(columns, beams, place)
     if columns.velocity is None and "beam1_mps" in table.columns:
         check_beam_count(place, _beams_of(table, beams), beams)
     time_ns, velocity, valid = read_mapped(table, velocity_names, valid_names, columns, place)
     prior_velocity, prior_sd = _prior(table, place)
     instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
     return Pings(time_ns, velocity, valid, prior_velocity, prior_sd, instrument_valid)
+
+
+def beam_columns(columns: Columns, beams: int, place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the columns of velocity and validity of so many beams, as mapped or documented.
+
+    Raises:
+        DataError: for a map that names another number of them.
+    """
+    velocity = columns.velocity or tuple(f"beam{k + 1}_mps" for k in range(beams))
+    valid = columns.valid or tuple(f"beam{k + 1}_valid" for k in range(beams))
+    for key, names in (("columns.velocity", velocity), ("columns.valid", valid)):
+        if len(names) != beams:
+            expected = f"{beams}, one per beam"
+            raise DataError(f"names {len(names)} columns", place=place, key=key, expected=expected)
+    return velocity, valid
 
 
 def read_mapped(

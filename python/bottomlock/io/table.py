@@ -14,7 +14,7 @@ from bottomlock.config.validation import checked
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_regular, read_table_file
 from bottomlock.io.beam_table import MOST_BEAMS, Account, Floats, Recording
-from bottomlock.io.beams import Columns, read_mapped
+from bottomlock.io.beams import Columns, beam_columns, read_mapped
 from bottomlock.io.columns import column_names, numbers_of, read_flags
 from bottomlock.io.rows import PLAIN, Options, make_table, raise_if_empty
 from bottomlock.support.later import pl
@@ -108,20 +108,12 @@ def _beam_columns(
     frame: pl.DataFrame, columns: Columns, place: str, options: Options
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the velocity and validity columns, as mapped or documented."""
-    velocity, valid = columns.velocity, columns.valid
-    if velocity is None:
-        count = sum(f"beam{k + 1}_mps" in frame.columns for k in range(MOST_BEAMS))
-        velocity = tuple(f"beam{k + 1}_mps" for k in range(count))
-    if valid is None:
-        valid = tuple(f"beam{k + 1}_valid" for k in range(len(velocity)))
-    if len(valid) != len(velocity):
-        raise DataError(
-            f"names {len(valid)} columns",
-            place=place,
-            key="columns.valid",
-            expected=f"{len(velocity)}, one per beam",
-        )
-    if not velocity and not options.instrument_only:
+    beams = (
+        sum(f"beam{k + 1}_mps" in frame.columns for k in range(MOST_BEAMS))
+        if columns.velocity is None
+        else len(columns.velocity)
+    )
+    if not beams and not options.instrument_only:
         raise DataError(
             "no beam velocities: no column 'beam1_mps', and no map that names others (there "
             f"are {column_names(frame)})",
@@ -131,7 +123,7 @@ def _beam_columns(
                 "'instrument', with --instrument-only"
             ),
         )
-    return velocity, valid
+    return beam_columns(columns, beams, place)
 
 
 def _floats(frame: pl.DataFrame, names: tuple[str, ...] | None, width: int, place: str) -> Floats:

@@ -233,6 +233,15 @@ class StatesSection(Section):
     """scatter of the beams' closure over the claimed one, over 20 complete pings, above which the state is UNSAFE"""
 
 
+_LINES = tuple(one.line for one in INSTRUMENTS if one.line)
+_KEYS_OF = {
+    **dict.fromkeys(("request_hz", "system", "component"), ("MAVLink", ("mavlink",))),
+    **dict.fromkeys(("negate_beams", "keep_stale"), ("a DVL", DVL_FORMATS)),
+    "checksum": (f"lines of numbers ({', '.join(_LINES)})", _LINES),
+}
+"""Keys of a source that not every format has: whose they are, and the formats."""
+
+
 class SourceSection(Section):
     """A stream of bytes: where it comes from, its format, and its clock."""
 
@@ -292,21 +301,11 @@ class SourceSection(Section):
         return self
 
     @model_validator(mode="after")
-    def _flags_of_a_format(self) -> Self:
-        for key in ("request_hz", "system", "component"):
-            if getattr(self, key) is not None and self.format != "mavlink":
+    def _keys_of_its_format(self) -> Self:
+        for key, (of, formats) in _KEYS_OF.items():
+            if key in self.model_fields_set and self.format not in formats:
                 raise ValueError(
-                    f"'{key}' belongs to MAVLink, and source '{self.name}' has format '{self.format}'"
-                )
-        if "checksum" in self.model_fields_set and not self.format.endswith("-csv"):
-            raise ValueError(
-                f"'checksum' belongs to lines of numbers ({', '.join(one.line for one in INSTRUMENTS if one.line)}), "
-                f"and source '{self.name}' has format '{self.format}', whose records have their own"
-            )
-        for key in ("negate_beams", "keep_stale"):
-            if key in self.model_fields_set and self.format not in DVL_FORMATS:
-                raise ValueError(
-                    f"'{key}' belongs to a DVL, and source '{self.name}' has format '{self.format}'"
+                    f"'{key}' belongs to {of}, and source '{self.name}' has format '{self.format}'"
                 )
         return self
 
