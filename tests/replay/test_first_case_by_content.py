@@ -92,6 +92,18 @@ def test_what_is_missing_beside_known_columns_is_said(dive: Dive, tmp_path: Path
         assert "time" in caught.value.hint
 
 
+def test_a_counter_without_the_name_of_a_time_is_none(dive: Dive, tmp_path: Path) -> None:
+    """A packet counter rises as a clock does; rows then count as even over the length of the log, which is asked."""
+    imu = imu_table(dive, 0.0) | {"c0": np.arange(len(dive.imu_s))}
+    path = write_csv(
+        tmp_path / "imu.csv", dict(zip(("PacketCounter", *NAMES[1:]), imu.values(), strict=True))
+    )
+    make_case([write_a50(dive, tmp_path / "dvl.json"), path], tmp_path / "case.toml")
+    case = load_case(tmp_path / "case.toml")
+    assert case.readings.clock.column is None
+    assert "imu.clock" in case.assumed
+
+
 def blind(dive: Dive) -> Dive:
     """Two beams are lost throughout."""
     beams = dive.beams.copy()

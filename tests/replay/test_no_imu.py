@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.replay import rerun
-from bottomlock.replay.attitude_inertial import complete_pings, with_persistence
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
+from bottomlock.replay.vehicle_motion import complete_pings, with_persistence
 from bottomlock.tables.replay import RECORDED, ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv

@@ -37,12 +37,12 @@ from bottomlock.recordings.streams import (
     ReferenceStates,
     Times,
 )
-from bottomlock.replay.attitude_inertial import inertial_of, with_vehicle_motion
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
 from bottomlock.replay.read_tables import ANGLE_SI, read_stream, read_water, stream_of
 from bottomlock.replay.screen_aiding import screened
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.vehicle_motion import inertial_of, with_vehicle_motion
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}

@@ -16,10 +16,10 @@ from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Flags, Floats, Inertial, Times
 from bottomlock.replay.align import Alignment, align
-from bottomlock.replay.attitude_inertial import with_persistence
 from bottomlock.replay.case import Case, WhatIf
 from bottomlock.replay.model import gravity_mps2, imu_model, kernel_model, kernel_options
 from bottomlock.replay.streams import Streams
+from bottomlock.replay.vehicle_motion import with_persistence
 
 FEW = 0.01
 """Largest fraction of rejected inertial readings that counts as single faults; more tells of a wrong unit."""

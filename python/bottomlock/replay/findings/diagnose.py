@@ -14,7 +14,6 @@ from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.recordings.track_fit import TrackFit
-from bottomlock.replay.attitude_inertial import at_imu, whole_pings
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.attitude_checks import (
@@ -43,6 +42,7 @@ from bottomlock.replay.findings.verdict import (
 from bottomlock.replay.motion.pings import LEAST_PINGS
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
+from bottomlock.replay.vehicle_motion import at_imu, whole_pings
 from bottomlock.statistics.replay import track_table
 from bottomlock.tables.replay import FORWARD
 

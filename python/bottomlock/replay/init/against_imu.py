@@ -15,37 +15,30 @@ from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
 from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, turns_of
 
-ENOUGH, ALMOST = 0.3, 0.6
-"""Streams that overlap by the first fraction of the shorter one are taken to share a clock; by the second, where one is
-moved by a time zone."""
+ENOUGH = 0.3
+"""Streams that overlap by this fraction of the shorter one are taken to share a clock."""
 LEAST_S = 60.0
 """Least overlap of two recordings that the motion brings together."""
 Span = tuple[int, int]
 
 
 def clock_offset(found: Found, imu: ImuPart, dvl: DvlPart) -> Guess:
-    """The offset of a stream's clock: that of the IMU, of the DVL, another time zone, or unknown."""
+    """The offset of a stream's clock: that of the IMU, of the DVL, or unknown."""
     assert found.times.time_ns is not None  # chosen so
     ours, theirs = _span(imu.time_ns), _span(found.times.time_ns)
     if _overlap(ours, theirs) > ENOUGH:
         return NOTHING
     if dvl.offset.value and _overlap((dvl.first_ns, dvl.last_ns), theirs) > ENOUGH:
         return Guess(dvl.offset.value, "it shares the DVL's clock", known=dvl.offset.known)
-    return _by_time_zone(ours, theirs) or Guess(
-        (ours[0] - theirs[0]) * 1e-9, "its clock has nothing in common with the IMU's: both are taken to begin "
-        "together",
-        known=False,
-    )  # fmt: skip
+    why = "its clock has nothing in common with the IMU's: both are taken to begin together"
+    return Guess((ours[0] - theirs[0]) * 1e-9, why, known=False)
 
 
 def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Guess:
-    """The offset of a DVL's clock to the IMU's: none where they run together, another time zone, or by the motion."""
+    """The offset of a DVL's clock to the IMU's: none where they run together, else by the motion."""
     ours, theirs = _span(imu.time_ns), (dvl.first_ns, dvl.last_ns)
     if _overlap(ours, theirs) > ENOUGH:
         return NOTHING
-    zone = _by_time_zone(ours, theirs)
-    if zone is not None:
-        return zone
     starts_s = (ours[0] - theirs[0]) * 1e-9
     imu_s, dvl_s = ((last - first) * 1e-9 for first, last in (ours, theirs))
     least_s = min(LEAST_S, 0.5 * min(imu_s, dvl_s))
@@ -75,17 +68,6 @@ def _overlap(a: Span, b: Span) -> float:
     """Part of the shorter one that both have."""
     shorter = max(min(a[1] - a[0], b[1] - b[0]), 1)
     return (min(a[1], b[1]) - max(a[0], b[0])) / shorter
-
-
-def _by_time_zone(ours: Span, theirs: Span) -> Guess | None:
-    """The first half hours by which another clock overlaps; None for none."""
-    for hours in np.arange(-14.0, 14.5, 0.5).tolist():
-        shift = round(hours * 3600e9)
-        if hours and _overlap(ours, (theirs[0] + shift, theirs[1] + shift)) > ALMOST:
-            return Guess(
-                shift * 1e-9, f"the files overlap when its clock is moved by {hours:g} h, a time zone"
-            )
-    return None
 
 
 EARTH_RADPS = 7.292115e-5

@@ -25,13 +25,6 @@ LEAST_EVEN, FEW, MOST_OFF_S = 50, 0.01, 1.1
 """Rows, part of them that does not rise, and greatest deviation from an even rate, s, of rows that count as even."""
 
 
-def _step(values: Floats | Integers) -> tuple[float, Floats]:
-    """Step from row to row by least squares, and how far each of the values (n,) is off even rows."""
-    row, since = np.arange(len(values)), values - values[0]
-    step, begin = np.polyfit(row, since, 1)
-    return float(step), np.asarray(since - begin - step * row)
-
-
 @dataclass(frozen=True, eq=False)
 class Times:
     """Times of a table's rows.
@@ -62,7 +55,9 @@ def evened(times: Times) -> Times:
     time_ns = times.time_ns
     if time_ns is None or len(time_ns) < LEAST_EVEN or float((np.diff(time_ns) <= 0).mean()) <= FEW:
         return times
-    step_ns, off_ns = _step(time_ns)
+    row, since_ns = np.arange(len(time_ns)), time_ns - time_ns[0]
+    step_ns, begin_ns = (float(one) for one in np.polyfit(row, since_ns, 1))
+    off_ns = since_ns - begin_ns - step_ns * row
     within_s = float(np.abs(off_ns - np.median(off_ns)).max()) * 1e-9
     if step_ns <= 0.0 or within_s > MOST_OFF_S:
         return times
@@ -230,7 +225,7 @@ def table_times(table: AnyTable, kind: str) -> Times:
 
 
 def _stamps(table: AnyTable, kind: str) -> Times:
-    """Times of a table's rows: the best column by name, its unit by name, epoch or rate; else ISO 8601 dates.
+    """Times of a table's rows: the best column by name, as ISO 8601 dates, or its unit by name, epoch or rate.
 
     Raises:
         DataError: for a column of times with another kind of dates.
@@ -263,14 +258,6 @@ def _stamps(table: AnyTable, kind: str) -> Times:
         value = numbers(series)
         if np.isfinite(value).mean() > 0.9 and np.nanmax(value) > np.nanmin(value):
             return _numeric_times(series, value, name, unit, kind)
-    for series in frame.select(pl.col(pl.String)):
-        written = iso_times(series)
-        if written is not None:
-            return Times(written, why=f"dates of {series.name}", epoch=True)
-    first = frame.columns[0]
-    value = numbers(frame[first])
-    if named(first) is None and np.isfinite(value).all() and len(value) > 3 and _counts(value):
-        return _numeric_times(frame[first], value, first, "", kind)
     for name, _ in candidates:
         cell = str(frame[name].first(ignore_nulls=True) or "").strip()
         if cell and not np.isfinite(numbers(frame[name])).any():
@@ -300,17 +287,6 @@ def iso_times(series: pl.Series) -> Integers | None:
         return None
     filled = parsed.dt.timestamp("ns").fill_null(strategy="forward").fill_null(strategy="backward")
     return np.asarray(filled.to_numpy(), dtype=np.int64)
-
-
-def _counts(value: Floats) -> bool:
-    """Whether a column without a known name counts the time: it rises, or is even with the rows to a hundredth.
-
-    Repeats, steps back and jitter do not make another column of it; the clock names them.
-    """
-    if float((np.diff(value) > 0.0).mean()) > 1.0 - FEW:
-        return True
-    step, off = _step(value)
-    return bool(step > 0.0 and np.abs(off).max() < 0.01 * step * len(value))
 
 
 def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str) -> Times:
