@@ -8,16 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bottomlock.kernel import EARTH_RATE_RADPS
+from bottomlock.recordings.streams import Floats, Times
 from bottomlock.support.later import transform
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
-
-Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 LONGEST_STEP_S = 0.1
 """Intervals between attitudes are divided into equal steps of at most this: the covariance is propagated as often."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from bottomlock.recordings.rig_motion import LEAST_PINGS, AtPings, Segments, Tracked, applied, integrate
 from bottomlock.recordings.robust import correlation_blocks, sd_about_median, sd_about_zero
-from bottomlock.recordings.rotation import rotation_matrices
+from bottomlock.recordings.rotation import rotation_matrices, skew
 from bottomlock.recordings.streams import Floats, Inertial, Integers
 
 PARTS = {
@@ -125,14 +125,6 @@ class Match:
         return bool(abs(self.gravity - 9.81) < 0.1 and turn < 0.4 and bias < 0.3)
 
 
-def _skew(v: Floats) -> Floats:
-    """[v×] of vectors (p, 3)."""
-    matrix = np.zeros((len(v), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[:, j, i], matrix[:, i, j] = v[:, k], -v[:, k]
-    return matrix
-
-
 def _columns(at: AtPings, stated: Floats, felt: Floats, p: Floats) -> Floats:
     """(p, 3, 14) derivatives of C v_s − felt / (1 + s) by the parameters.
 
@@ -147,13 +139,13 @@ def _columns(at: AtPings, stated: Floats, felt: Floats, p: Floats) -> Floats:
     """
     columns = np.empty((len(stated), 3, SIZE))
     k = 1.0 / (1.0 + p[3])
-    omega_cross = _skew(at.omega)
-    columns[:, :, 0:3] = -at.C @ _skew(stated)
+    omega_cross = skew(at.omega)
+    columns[:, :, 0:3] = -at.C @ skew(stated)
     columns[:, :, 3] = k * k * felt
     columns[:, :, 4] = applied(
-        at.C, applied(omega_cross, stated) - k * (at.force + _skew(at.turning) @ p[11:14])
+        at.C, applied(omega_cross, stated) - k * (at.force + skew(at.turning) @ p[11:14])
     )
-    columns[:, :, 5:8] = k * at.K + _skew(applied(at.C, stated)) @ at.J
+    columns[:, :, 5:8] = k * at.K + skew(applied(at.C, stated)) @ at.J
     columns[:, :, 8:11] = k * at.J
     columns[:, :, 11:14] = -k * at.C @ omega_cross
     return columns
@@ -205,7 +197,7 @@ def fit(
         if at.kept.sum() < 4 * LEAST_PINGS:
             break
         stated = recorded.velocity_p_mps[at.kept] @ (rotation_matrices(p[:3]) @ M).T
-        felt = applied(at.C, _skew(at.omega) @ p[11:14]) + at.S - at.J @ p[8:11]
+        felt = applied(at.C, skew(at.omega) @ p[11:14]) + at.S - at.J @ p[8:11]
         X = _columns(at, stated, felt, p)
         value = applied(at.C, stated) - felt / (1.0 + p[3])
         value += X[:, :, 5:8] @ (p[5:8] - used)

@@ -103,10 +103,12 @@ def matrix(attitude: Floats) -> Floats:
     )
 
 
-def skew(vector: Floats) -> Floats:
-    """[a x] (3, 3): [a x] b = a x b."""
-    x, y, z = vector.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+def skew(vectors: Floats) -> Floats:
+    """[a x] (..., 3, 3) of vectors (..., 3): [a x] b = a x b."""
+    found = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., j, i], found[..., i, j] = vectors[..., k], -vectors[..., k]
+    return found
 
 
 def rotation_matrices(vectors: Floats) -> Floats:
@@ -115,9 +117,7 @@ def rotation_matrices(vectors: Floats) -> Floats:
     >>> (rotation_matrices(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0]).round(12).tolist()
     [0.0, 1.0, 0.0]
     """
-    K = np.zeros((*vectors.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        K[..., j, i], K[..., i, j] = vectors[..., k], -vectors[..., k]
+    K = skew(vectors)
     half = 0.5 * np.linalg.norm(vectors, axis=-1)[..., None, None]
     # sin x / x and (1 − cos x) / x² by half the angle, where both are well conditioned.
     first, second = np.sinc(2.0 * half / np.pi), 0.5 * np.sinc(half / np.pi) ** 2

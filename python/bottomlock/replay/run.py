@@ -1,6 +1,5 @@
 """Replays a case: every what-if case, tables and manifest; a repeat gives the same bits."""
 
-import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from bottomlock.errors import DataError, OutputError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.output_folder import is_occupied, locked
 from bottomlock.files.overwriting import check_apart, named_in, remove_named
-from bottomlock.files.records import read_record, write_record
+from bottomlock.files.records import read_record, sha256_of, write_record
 from bottomlock.kernel import KernelError
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay import compare, rerun
@@ -184,15 +183,7 @@ def file_digests(case: Case) -> dict[str, dict[str, str]]:
     Raises:
         DataError: for a file that cannot be read.
     """
-    return {name: {"name": path.name, "sha256": _sha256(path)} for name, path in case.files().items()}
-
-
-def _sha256(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise DataError(f"cannot be read ({error.strerror})", place=path) from error
+    return {name: {"name": path.name, "sha256": sha256_of(path)} for name, path in case.files().items()}
 
 
 @contextmanager
