@@ -39,17 +39,18 @@ from bottomlock.recordings.streams import (
 )
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport, row_times
-from bottomlock.replay.read_tables import ANGLE_SI, read_stream, read_water, stream_of
+from bottomlock.replay.read_tables import (
+    ANGLE_SI,
+    FORCE_SI,
+    OMEGA_SI,
+    SPEED_SI,
+    read_stream,
+    read_water,
+    stream_of,
+)
 from bottomlock.replay.screen_aiding import screened
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.vehicle_motion import inertial_of, with_vehicle_motion
-from bottomlock.units import STANDARD_GRAVITY_MPS2
-
-FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2, "m/s": 1.0}
-OMEGA_SI = {
-    "rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0, "rad": 1.0, "deg": np.pi / 180.0,
-}  # fmt: skip
-SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 
 
 def read_streams(case: Case) -> Streams:
@@ -135,7 +136,9 @@ def _inertial(imu: ImuStream, clocks: dict[str, ClockReport], notes: list[str]) 
     names = [*imu.force, *imu.omega, *([imu.interval] if imu.interval is not None else [])]
     values, timed, _ = read_stream(imu, names, optional=False)
     clocks["imu"] = timed.report
-    force, omega = values[:, :3] * FORCE_SI[imu.force_unit], values[:, 3:6] * OMEGA_SI[imu.omega_unit]
+    # Increments are in m/s and rad.
+    factor = (FORCE_SI | {"m/s": 1.0})[imu.force_unit], (OMEGA_SI | ANGLE_SI)[imu.omega_unit]
+    force, omega = values[:, :3] * factor[0], values[:, 3:6] * factor[1]
     if any(imu.increments):
         interval_s = (
             values[:, 6]

@@ -12,8 +12,9 @@ from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
-from bottomlock.replay.init.imu_part import OMEGA_SI, ImuPart
+from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, turns_of
+from bottomlock.replay.read_tables import OMEGA_SI
 
 ENOUGH = 0.3
 """Streams that overlap by this fraction of the shorter one are taken to share a clock."""

@@ -9,9 +9,10 @@ from bottomlock.files.overwriting import check_free
 from bottomlock.io.columns import column_names
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
 from bottomlock.replay.init.beam_columns import BeamColumns, beam_columns
-from bottomlock.replay.init.dvl_part import SPEED_SI, dvl_of_velocity
+from bottomlock.replay.init.dvl_part import dvl_of_velocity
 from bottomlock.replay.init.entries import Entry, remark, toml_of
 from bottomlock.replay.init.found import Found, find_streams, table_times
+from bottomlock.replay.read_tables import SPEED_SI
 
 
 def write_map(file: Path, to: Path, *, force: bool = False) -> None:

@@ -9,9 +9,11 @@ from scipy.signal import detrend
 from bottomlock.recordings.robust import sd_about_zero
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
-from bottomlock.replay.init.guess import BAR, Guess, pressure_unit
+from bottomlock.replay.init.guess import Guess, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
+from bottomlock.replay.read_tables import PRESSURE_SI
 from bottomlock.support.rising import rising
+from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 DEEPEST_WAVES_M = 60.0
 """Deeper, even a swell of 15 s leaves less than a third of its height."""
@@ -98,8 +100,8 @@ def guess_depth(found: Found, imu: ImuPart, offset: Guess) -> DepthPart | None:
     up = shift = None
     if found.kind == "pressure":
         unit = pressure_unit(values, found.units.get("pressure", ""))
-        metres = values * BAR[unit.value] * 1e5 / (1025.0 * 9.80665)
-        if np.nanmin(values) * BAR[unit.value] > 0.8:
+        metres = values * PRESSURE_SI[unit.value] / (1025.0 * STANDARD_GRAVITY_MPS2)
+        if np.nanmin(values) * PRESSURE_SI[unit.value] > 0.8e5:
             shift = Guess(
                 -10.08, "the pressure is absolute: that of the air, 1013 mbar, is 10.08 m of sea water"
             )

@@ -29,8 +29,8 @@ from bottomlock.replay.motion.pings import (
     ping_velocity,
     tilt_of_noise,
 )
+from bottomlock.replay.read_tables import SPEED_SI
 
-SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01
 FOUR_BEAMS = (

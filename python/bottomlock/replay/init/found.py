@@ -7,13 +7,12 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.io.columns import FLAG_WORDS, column_names
+from bottomlock.io.columns import FLAG_WORDS, NS_OF, column_names
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
 
-NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 EPOCHS = (("s", 5e8, 5e9), ("ms", 5e11, 5e12), ("us", 5e14, 5e15), ("ns", 5e17, 5e18))
 """Unix times from 1985 to 2128 in each unit."""
 RATES_HZ = {"imu": (8.0, 4000.0), "dvl": (0.05, 40.0)}
@@ -301,11 +300,11 @@ def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind:
     if epoch is not None and (not unit or unit == epoch):
         why = f"a median of {middle:.4g} is a Unix time in {epoch}"
         return Times(_to_ns(series, value, epoch), name, epoch, why, epoch=True)
-    fitting = [u for u in ("s", "ms", "us", "ns") if low <= NS["s"] / (step * NS[u]) <= high]
+    fitting = [u for u in ("s", "ms", "us", "ns") if low <= NS_OF["s"] / (step * NS_OF[u]) <= high]
     chosen = unit if unit in fitting else (fitting[0] if fitting else (unit or "s"))
-    why = f"a median step of {step:.4g} {chosen} is {1e9 / (step * NS[chosen]):.4g} Hz"
+    why = f"a median step of {step:.4g} {chosen} is {1e9 / (step * NS_OF[chosen]):.4g} Hz"
     if unit and unit != chosen:
-        why += f" (its name says {unit}, which would be {1e9 / (step * NS[unit]):.3g} Hz)"
+        why += f" (its name says {unit}, which would be {1e9 / (step * NS_OF[unit]):.3g} Hz)"
     return Times(_to_ns(series, value, chosen), name, chosen, why)
 
 
@@ -316,4 +315,4 @@ def _to_ns(series: pl.Series, value: Floats, unit: str) -> Integers:
             return np.asarray(whole.to_numpy(), dtype=np.int64)
     known = np.where(np.isfinite(value), value, np.nan)
     filled = np.asarray(pl.Series(known).fill_nan(None).forward_fill().backward_fill().to_numpy())
-    return np.asarray(np.round(filled * NS[unit]), dtype=np.int64)
+    return np.asarray(np.round(filled * NS_OF[unit]), dtype=np.int64)

@@ -158,9 +158,6 @@ def pressure_unit(pressure: Floats, hint: str) -> Guess:
     return Guess("bar", f"its median is {median:.4g}", known=False)
 
 
-BAR = {"Pa": 1e-5, "kPa": 1e-2, "mbar": 1e-3, "dbar": 0.1, "bar": 1.0}
-
-
 def angle_unit(angle: Floats, hint: str) -> Guess:
     """Unit of angles by their name or their range.
 

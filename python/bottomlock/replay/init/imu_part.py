@@ -17,10 +17,8 @@ from bottomlock.replay.init.guess import (
     gravity_unsteady,
     omega_unit,
 )
-from bottomlock.units import STANDARD_GRAVITY_MPS2
+from bottomlock.replay.read_tables import FORCE_SI, OMEGA_SI
 
-OMEGA_SI = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0}
-FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
 HANDED = 1.4
 """Ratio of the unsteadiness of gravity from which it tells left-handed axes from right-handed ones."""
 TILTED_RAD = np.deg2rad(25.0)
