@@ -32,9 +32,8 @@ BEYOND = (2**63, -(2**63) - 1, 2**64 - 1, 2**64, 10**30)
 FACTORS = (-1.0, 0.0, 1e-12, 1e-6, 1e-3, 1e3, 1e6, 1e12, 1e150, 1e300)
 TYPES = (
     "float32", "float16", "int64", "int8", "uint64", "complex128", "bool", "S8", "U8", "object",
-    "timedelta64[ns]", "datetime64[ns]",
+    "timedelta64[ns]", "datetime64[ns]", "longdouble",
 )  # fmt: skip
-"""Not longdouble, whose `tolist` is itself: a setting of it never ends (crates/bottomlock-py/src/given.rs)."""
 WORDS = ("", " ", "\x00", "TC", "tc ", "ünter", "x" * 5000, "[/red]", "nan", "0", "../../etc", "\U0001f41f")
 
 

@@ -16,7 +16,12 @@ impl<'py> Given<'py> {
         for method in ["tolist", "as_dict"] {
             let found = self.0.getattr_opt(method).map_err(Error::custom)?;
             if let Some(method) = found {
-                return method.call0().map(Self).map_err(Error::custom);
+                let plain = method.call0().map_err(Error::custom)?;
+                // Numbers beyond double precision are lists of themselves.
+                if plain.get_type().is(self.0.get_type()) {
+                    break;
+                }
+                return Ok(Self(plain));
             }
         }
         let kind = self.0.get_type().name().map_err(Error::custom)?;
