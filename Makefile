@@ -158,12 +158,10 @@ soak: $(VENV)/.tools $(VENV)/.installed
 
 # Random wrong lines of kernel and package: which share do the quick tests of their rooms see? Needs cargo-mutants.
 #
-#   make mutants SHARD=0/20 MUTANTS="--groups logs --each 20"
-SHARD ?= 0/40
+#   make mutants MUTANTS="--groups logs --each 20"
 mutants: $(VENV)/.tools $(VENV)/.installed
 	@cargo mutants --version >/dev/null 2>&1 || \
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }
-	-cargo mutants --package bottomlock --shard $(SHARD) --output out/mutants
 	$(bin)/python -m tools.mutation_sample $(MUTANTS)
 
 # Writes the versions and hashes of all that the groups of pyproject.toml install, for every platform and Python that is supported.

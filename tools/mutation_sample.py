@@ -1,14 +1,16 @@
-"""Puts random wrong lines into the package and counts those that quick tests see: `python -m tools.mutation_sample`.
+"""Puts random wrong lines into the code and counts those that the quick tests see: `python -m tools.mutation_sample`.
 
-Faults are drawn over the syntax tree and judged by those quick tests of their rooms that run the line. Faults with
-which a module cannot be imported are left out and others drawn. Those of the kernel are for `make mutants`.
+Rust faults are drawn from the list of cargo-mutants and judged by the kernel's unit tests, all in one build
+(`tools.switched_faults`). Python faults are drawn over
+the syntax tree and judged by those quick tests of their rooms that run the line. Faults that do not build are left out
+and others drawn.
 
 A row of the table is a fault: group, file, function, line (its text), change, outcome ("killed", "survived", or
 "timeout", which counts as killed), and the commit that it was judged at. `--again TABLE` judges the faults of an
 earlier table once more, where function, line and change still stand, and prints both shares: the gate before and after
-a change.
+a change. `--goes-on` keeps what `--out` holds, and judges what is missing of the groups at this commit.
 
-    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet
+    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet [--goes-on]
     python -m tools.mutation_sample --groups logs --each 20
     python -m tools.mutation_sample --again data/evidence/mutation_sample.parquet
 """
@@ -18,6 +20,7 @@ from __future__ import annotations
 import argparse
 import ast
 import compileall
+import json
 import os
 import py_compile
 import random
@@ -42,8 +45,14 @@ from rich.progress import Progress
 from scipy.stats import beta
 
 import bottomlock
+from tools.switched_faults import TEST, build, outcome
 
 ROOT = Path(__file__).resolve().parent.parent
+KERNEL = "crates/bottomlock/src/"
+RUST = {
+    "kernel mathematics": ("aiding", "dvl", "earth", "error_model", "mechanisation", "smoother", "frames.rs"),
+    "filter and navigator": ("filter", "navigator", "replay", "model.rs", "state.rs"),
+}
 PYTHON = {
     "logs": ("io", "recordings", "audit", "replay", "dead_reckoning", "export"),
     "live and ports": ("live", "ports", "encoders", "instruments", "setup"),
@@ -77,6 +86,7 @@ class Fault:
         number: of its first line, from 1.
         span: first and last byte of what is replaced.
         new: what takes its place.
+        owner: first and last byte of the function, of Rust; (0, 0) outside of one.
     """
 
     group: str
@@ -89,6 +99,7 @@ class Fault:
     number: int = 0
     span: tuple[int, int] = (0, 0)
     new: str = ""
+    owner: tuple[int, int] = (0, 0)
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -180,6 +191,96 @@ def _starts(text: str) -> list[int]:
     return [0, *accumulate(len(line.encode()) + 1 for line in text.split("\n"))]
 
 
+def rust_faults() -> list[Fault]:
+    """Every fault in cargo-mutants' list (.cargo/mutants.toml)."""
+    listed = run(
+        ["cargo", "mutants", "--list", "--json", "--package", "bottomlock"],
+        cwd=ROOT,  capture_output=True, text=True,
+    ).stdout  # fmt: skip
+    group_of = {room: group for group, rooms in RUST.items() for room in rooms}
+    faults = []
+    for entry in json.loads(listed):
+        room = entry["file"].removeprefix(KERNEL).split("/")[0]
+        if room not in group_of:
+            continue
+        text = (ROOT / entry["file"]).read_text(encoding="utf-8")
+        lines, starts = text.splitlines(), _starts(text)
+
+        def place(span: Any, lines: list[str] = lines, starts: list[int] = starts) -> tuple[int, int]:  # noqa: ANN401
+            # Columns are characters, from 1.
+            first, last = (
+                starts[at["line"] - 1] + len(lines[at["line"] - 1][: at["column"] - 1].encode())
+                for at in (span["start"], span["end"])
+            )
+            return first, last
+
+        function, start = entry["function"], entry["span"]["start"]
+        first, last = place(entry["span"])
+        same = text.encode()[first:last].decode() if entry["genre"] != "FnValue" else "body"
+        faults.append(
+            Fault(
+                group_of[room],
+                entry["file"],
+                (function or {}).get("function_name", ""),
+                lines[start["line"] - 1].strip(),
+                f"{same} -> {entry['replacement']}",
+                number=start["line"],
+                span=(first, last),
+                new=entry["replacement"],
+                owner=place(function["span"]) if function else (0, 0),
+            )
+        )
+    return faults
+
+
+def quick_build(tree: Path) -> dict[str, str]:
+    """The environment of a build: incremental, and without what only a debugger reads."""
+    return os.environ | {
+        "CARGO_INCREMENTAL": "1",
+        "CARGO_PROFILE_TEST_DEBUG": "false",
+        "CARGO_TARGET_DIR": str(tree / "target"),
+    }
+
+
+def judged_rust(chosen: list[Fault], tree: Path) -> Iterator[Fault | None]:
+    """The faults with their outcomes, in order; None for one that does not build.
+
+    All are in one build, but those of a function that cannot be switched, such as a constant one.
+    """
+    numbered = dict(enumerate(chosen, 1))
+    program, switched, bad = build(tree, dict(numbered), quick_build(tree))
+    for number, fault in numbered.items():
+        if number in switched:
+            yield replace(fault, outcome=outcome(program, number, tree, LIMIT_S))
+        else:
+            yield None if number in bad else judge_rust(fault, tree)
+
+
+def judge_rust(fault: Fault, tree: Path) -> Fault | None:
+    """The fault with its outcome in a copy of the crates, built for it; None for one that does not build."""
+    path, quick = tree / fault.file, quick_build(tree)
+    good = path.read_text(encoding="utf-8")
+    try:
+        path.write_text(fault.applied(good), encoding="utf-8")
+        if run([*TEST, "--no-run"], cwd=tree, capture_output=True, env=quick).returncode:
+            return None
+        done = run(TEST, cwd=tree, capture_output=True, env=quick, timeout=LIMIT_S)
+        return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
+    except subprocess.TimeoutExpired:
+        return replace(fault, outcome="timeout")
+    finally:
+        path.write_text(good, encoding="utf-8")
+
+
+def crates_copy(folder: Path) -> Path:
+    """A copy of the crates for faults."""
+    for name in ("crates", ".cargo"):
+        shutil.copytree(ROOT / name, folder / name)
+    for name in ("Cargo.toml", "Cargo.lock"):
+        shutil.copy2(ROOT / name, folder)
+    return folder
+
+
 def package_copy(folder: Path) -> Path:
     """A copy of the package for faults; its compiled files are checked by the hash of their source."""
     package = folder / "python" / "bottomlock"
@@ -198,7 +299,19 @@ def _environment(python: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-TESTS = ["-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not deep"]
+QUICK = [
+    sys.executable,
+    "-m",
+    "pytest",
+    "-q",
+    "-x",
+    "-n",
+    "0",
+    "-p",
+    "no:cacheprovider",
+    "-m",
+    "not long and not deep",
+]
 
 
 def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, set[str]]]:
@@ -208,7 +321,8 @@ def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, s
         f"[run]\ndynamic_context = test_function\ndata_file = {work / 'data'}\nsource = {python}\n"
     )
     run(
-        [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", *TESTS, *folders],
+        [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", *QUICK[1:4], "-n", "0", "-p",
+         "no:cacheprovider", "-m", "not long and not deep", *folders],
         cwd=ROOT, env=_environment(python), stdout=sys.stderr,
     )  # fmt: skip
     data = CoverageData(str(work / "data"))
@@ -258,9 +372,12 @@ def judge_python(
         if imported.returncode:
             return None
         done = run(
-            [sys.executable, *TESTS, "-x", *tests], cwd=ROOT, env=_environment(python), capture_output=True,
+            [*QUICK, *tests],
+            cwd=ROOT,
+            env=_environment(python),
+            capture_output=True,
             timeout=LIMIT_S,
-        )  # fmt: skip
+        )
         return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
     except subprocess.TimeoutExpired:
         return replace(fault, outcome="timeout")
@@ -281,6 +398,8 @@ def sampled(faults: list[Fault], each: int, group: str) -> list[Fault]:
 
 def all_faults(group: str) -> list[Fault]:
     """Every fault of a group."""
+    if group in RUST:
+        return [fault for fault in rust_faults() if fault.group == group]
     files = [
         path
         for room in PYTHON[group]
@@ -293,6 +412,12 @@ def all_faults(group: str) -> list[Fault]:
 def judged(group: str, chosen: list[Fault], jobs: int) -> Iterator[Fault]:
     """Those of the chosen faults that build, each with its outcome, in order."""
     with tempfile.TemporaryDirectory() as folder, Progress(console=Console(stderr=True)) as bar:
+        if group in RUST:
+            tree = crates_copy(Path(folder))
+            yield from filter(
+                None, bar.track(judged_rust(chosen, tree), total=len(chosen), description=group)
+            )
+            return
         copies: SimpleQueue[Path] = SimpleQueue()
         for number in range(jobs):
             copies.put(package_copy(Path(folder) / str(number)))
@@ -337,6 +462,18 @@ def shares(faults: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
 
 
+def judged_before(path: Path | None, groups: Iterable[str]) -> list[Fault]:
+    """The faults of a table, but those of the groups that were judged at another commit, whose sample is another.
+
+    Raises:
+        SystemExit: for a missing file.
+    """
+    if path is None or not path.is_file():
+        raise SystemExit("--goes-on needs --out with the table of an interrupted run")
+    faults = [Fault(**row) for row in pl.read_parquet(path).iter_rows(named=True)]
+    return [one for one in faults if one.group not in groups or one.commit == head()]
+
+
 def head() -> str:
     """The commit of the code."""
     return str(run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout).strip()
@@ -351,19 +488,22 @@ def write(faults: list[Fault], path: Path) -> None:
 def main() -> None:
     """Judges the sample and prints the shares."""
     parser = argparse.ArgumentParser(description="Share of random wrong lines that the quick tests see.")
-    parser.add_argument("--groups", nargs="*", default=[*PYTHON], help="groups of rooms")
+    parser.add_argument("--groups", nargs="*", default=[*RUST, *PYTHON], help="groups of rooms")
     parser.add_argument("--each", type=int, default=60, help="faults that build, of each group")
     parser.add_argument("--jobs", type=int, default=2, help="Python faults judged side by side")
     parser.add_argument("--again", type=Path, help="table of an earlier run: the same faults once more")
     parser.add_argument("--out", type=Path, help="Parquet file for the table; it grows as faults are judged")
+    parser.add_argument("--goes-on", action="store_true", help="after an interrupt: keep what --out holds")
     options = parser.parse_args()
     before = pl.read_parquet(options.again) if options.again else None
-    found: list[Fault] = []
+    found = judged_before(options.out, options.groups) if options.goes_on else []
     for group in options.groups:
         faults = all_faults(group)
         if before is None:
-            # Of some the module cannot be imported.
-            chosen, limit = sampled(faults, 2 * options.each, group), options.each
+            # Of cargo-mutants' faults about a third does not build.
+            done = {one.key for one in found if one.group == group}
+            chosen = [one for one in sampled(faults, 2 * options.each, group) if one.key not in done]
+            limit = max(options.each - len(done), 0)
         else:
             rows = before.filter(pl.col("group") == group).select("file", "function", "line", "change").rows()
             chosen, limit = _again(faults, set(rows)), len(rows)
