@@ -18,7 +18,7 @@ impl Navigator {
     ) -> Result<BeamMask, NavError> {
         self.filters.each_mut().for_each(Eskf::prepare_for_ping);
         let (mut left, mut weight) = self.screen(ping)?;
-        let is_confirmed = self.is_confirmed(ping.valid);
+        let is_confirmed = self.is_confirmed(ping.valid, left.valid);
         let mut charge = None;
         if left.valid != ping.valid {
             charge = self.filters.note_rejected(
@@ -53,12 +53,16 @@ impl Navigator {
         Ok(left.valid)
     }
 
-    /// Whether what the rejected beams of a ping show beyond five sigma is doubted: each of them has been accepted.
+    /// Whether what the rejected beams of a ping show beyond five sigma is doubted; `left` are those that screening leaves.
     ///
-    /// Wrong beams of a burst of fish agree from ping to ping, and where all of them see the fish with each other too, as the right ones
-    /// of a wrong filter do. What tells the two apart is size, and beyond it time.
-    fn is_confirmed(&self, ping: BeamMask) -> bool {
-        ping.and(self.confirmed) == ping
+    /// Beams without redundancy fit some velocity whatever they read, and the wrong ones of a burst of fish agree from ping to
+    /// ping as the right ones of a wrong filter do. What tells the two apart, once each of the beams has been accepted, is
+    /// size; but where redundant beams agree with each other and none with the filter, the filter is wrong by any size.
+    fn is_confirmed(&self, ping: BeamMask, left: BeamMask) -> bool {
+        let is_confirmed = ping.and(self.confirmed) == ping;
+        let is_redundant = ping.count() > self.geometry.rank_of(ping);
+        let is_whole = left == BeamMask::NONE || left == ping;
+        is_confirmed && !(is_redundant && is_whole)
     }
 
     /// Counts the gate's verdict on a whole ping; returns what has become uncertain by it.

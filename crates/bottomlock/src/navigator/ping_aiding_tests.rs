@@ -19,20 +19,43 @@ fn beams<const N: usize>(indices: [usize; N]) -> BeamMask {
     indices.into_iter().collect()
 }
 
-/// Beams that have been accepted may show five sigma, redundant ones too; any error where one of them has not.
+/// Beams that have been accepted may show five sigma; any error where one of them has not, and where four of a
+/// Janus, of which one is redundant, all disagree with the filter. What screening leaves agrees with it.
 #[test]
 fn beams_that_have_been_accepted_count_to_five_sigma() {
     let mut navigator = at_rest();
-    for ping in [beams([0, 1]), beams([0, 1, 2]), BeamMask::all(4)] {
-        for (confirmed, expected) in [
-            (BeamMask::NONE, false),
-            (beams([0, 2, 3]), false),
-            (BeamMask::all(4), true),
-        ] {
-            navigator.confirmed = confirmed;
-            assert_eq!(navigator.is_confirmed(ping), expected);
+    let mut admissible = |confirmed: BeamMask, ping: BeamMask, left: BeamMask| {
+        navigator.confirmed = confirmed;
+        navigator.is_confirmed(ping, left)
+    };
+    let (any, five_sigma) = (false, true);
+    let (none, pair, three, four) = (BeamMask::NONE, beams([0, 1]), beams([0, 1, 2]), BeamMask::all(4));
+    for ping in [pair, three, four] {
+        for left in [none, beams([0]), ping] {
+            assert_eq!(admissible(none, ping, left), any, "never accepted");
+            assert_eq!(admissible(beams([0, 2, 3]), ping, left), any, "beam 2 never accepted");
         }
     }
+    for ping in [pair, three] {
+        for left in [none, beams([0]), ping] {
+            assert_eq!(admissible(four, ping, left), five_sigma, "no beam is redundant");
+        }
+    }
+    assert_eq!(
+        admissible(four, four, pair),
+        five_sigma,
+        "two beams agree with the filter"
+    );
+    assert_eq!(
+        admissible(four, four, none),
+        any,
+        "each beam alone contradicts the filter"
+    );
+    assert_eq!(
+        admissible(four, four, four),
+        any,
+        "the beams together contradict the filter"
+    );
 }
 
 /// At rest, a ping a second: the beams of accepted pings are confirmed, and one that is rejected is not.
