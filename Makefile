@@ -85,10 +85,11 @@ test-deep: $(VENV)/.tools $(VENV)/.installed
 
 test-all: test test-long test-deep
 
-# What needs a library that nothing else does: MHKiT as another reader. Recordings are read from BOTTOMLOCK_RECORDINGS.
+# What needs libraries that nothing else does: Cyclone DDS, MHKiT as another reader. Recordings are read
+# from BOTTOMLOCK_RECORDINGS.
 test-others: $(VENV)/.tools $(VENV)/.installed
 	$(locked) --group others
-	$(pytest) -rs tests/io/test_logs.py
+	$(pytest) -rs tests/ros tests/io/test_logs.py
 
 lint: lint-rust lint-python
 

@@ -1,4 +1,4 @@
-"""Erratum E10 and E12 by symbols: directions that no length of window shows, and the sign of H."""
+"""By symbols: errata E10 and E12, directions that no window shows and the sign of H; the error through the water."""
 
 import numpy as np
 import pytest
@@ -18,6 +18,14 @@ def cross(a: sp.Matrix) -> sp.Matrix:
 def turn(yaw: sp.Expr) -> sp.Matrix:
     """Body to tangent after a turn in yaw."""
     return sp.Matrix([[sp.cos(yaw), -sp.sin(yaw), 0], [sp.sin(yaw), sp.cos(yaw), 0], [0, 0, 1]])
+
+
+def attitude(yaw: str, pitch: str, roll: str) -> sp.Matrix:
+    """Platform to tangent, by three angles that are any functions of time."""
+    a, b, c = (sp.Function(name)(t) for name in (yaw, pitch, roll))
+    about_y = sp.Matrix([[sp.cos(b), 0, sp.sin(b)], [0, 1, 0], [-sp.sin(b), 0, sp.cos(b)]])
+    about_x = sp.Matrix([[1, 0, 0], [0, sp.cos(c), -sp.sin(c)], [0, sp.sin(c), sp.cos(c)]])
+    return turn(a) * about_y * about_x
 
 
 def residuals(
@@ -65,14 +73,12 @@ def test_a_surging_vehicle_that_only_yaws_hides_a_fourth() -> None:
 
 def test_heading_is_hidden_whatever_the_motion() -> None:
     """Any attitude and any velocity: a turn of the whole past about the vertical is not read; printed H reads it."""
-    a, b, c = (sp.Function(name)(t) for name in "abc")
     v_t = sp.Matrix([sp.Function(name)(t) for name in ("p", "q", "r")])
-    T = turn(a) * sp.Matrix([[sp.cos(b), 0, sp.sin(b)], [0, 1, 0], [-sp.sin(b), 0, sp.cos(b)]])
-    T = T * sp.Matrix([[1, 0, 0], [0, sp.cos(c), -sp.sin(c)], [0, sp.sin(c), sp.cos(c)]])
+    T = attitude("a", "b", "c")
     error = (DOWN.cross(v_t), DOWN, sp.zeros(3, 1), sp.zeros(3, 1))
     in_velocity, in_tilt, reading = residuals(T, v_t, error, 1)
     assert in_velocity == in_tilt == reading == sp.zeros(3, 1)
-    printed = residuals(turn(a), v_t, error, -1)[2]
+    printed = residuals(turn(sp.Function("a")(t)), v_t, error, -1)[2]
     assert printed != sp.zeros(3, 1)
 
 
@@ -96,3 +102,41 @@ def test_the_sign_of_the_dynamics_by_complex_step() -> None:
         step[k] = 1e-30j
         derivative[:, k] = (exp_rotation(step) @ T_hat @ f_b).imag / 1e-30
     np.testing.assert_allclose(derivative, -skew(T_hat @ f_b), rtol=0.0, atol=1e-13)
+
+
+def test_the_row_is_the_derivative_of_the_reading() -> None:
+    """By complex step, also on end: ρ, δv and δc through R = Exp([ρ×]) R̂ and c = Exp([ρ_D e_D×]) ĉ + δc."""
+    c, v, b = np.array([0.25, -0.1875, 0.0]), np.array([2.0, -0.3, 0.1]), np.array([0.24, -0.24, 0.94])
+    for pitch in (0.3, -0.5 * np.pi, 0.5 * np.pi - 1e-9):
+        R = matrix_from_euler(0.2, pitch, 1.1)
+        found = np.empty(8)
+        for k in range(8):
+            error = np.zeros(8, dtype=complex)
+            error[k] = 1e-30j
+            tilt, faster, drift = error[:3], error[3:6], np.append(error[6:], 0.0)
+            true_c = exp_rotation(np.array([0.0, 0.0, 1.0]) * tilt[2]) @ c + drift
+            found[k] = (b @ (v + faster - (exp_rotation(tilt) @ R).T @ true_c)).imag / 1e-30
+        by_tilt = np.cross(c, R @ b) * [1.0, 1.0, 0.0]
+        np.testing.assert_allclose(found, [*by_tilt, *b, *-(R @ b)[:2]], rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.long
+def test_the_error_through_the_water_moves_as_that_over_ground_for_any_motion() -> None:
+    """By symbols: δu = δv + Rᵀ(ρ_h × c) − Rᵀδc obeys the equation of δv with u in place of v."""
+    R = attitude("psi", "theta", "phi")
+    v, dv, rho = (sp.Matrix([sp.Function(f"{name}{k}")(t) for k in range(3)]) for name in ("v", "dv", "rho"))
+    dc = sp.Matrix([sp.Function("dc0")(t), sp.Function("dc1")(t), 0])
+    c = sp.Matrix([*sp.symbols("c0 c1"), 0])
+    b_a, b_g = (sp.Matrix(sp.symbols(f"{name}0:3")) for name in ("ba", "bg"))
+    spin = (R.T * R.diff(t)).applyfunc(sp.simplify)
+
+    def rate(of: sp.Matrix, along: sp.Matrix) -> sp.Matrix:
+        return R.T * cross(g * DOWN) * rho - spin * of - b_a - along.cross(b_g)
+
+    rho_rate, level = -R * b_g, sp.Matrix([rho[0], rho[1], 0])
+    given = dict(zip(rho.diff(t), rho_rate, strict=True))
+    given |= dict(zip(dv.diff(t), rate(dv, v), strict=True))
+    given |= dict(zip(dc.diff(t)[:2], (-rho_rate[2] * DOWN.cross(c))[:2], strict=True))
+    du = dv + R.T * level.cross(c) - R.T * dc
+    left = du.diff(t).subs(given) - rate(du, v - R.T * c)
+    assert left.applyfunc(lambda part: sp.simplify(sp.expand(part))) == sp.zeros(3, 1)
