@@ -129,10 +129,12 @@ def _headline(content: Content) -> list[str]:
 
 def _why(choice: Choice) -> str:
     """Why the methods of the headline are to be used."""
+    trajectory = _words(choice.worst_trajectory)
+    most = f"nowhere more than {number(choice.worst_ratio)} times the least of these ({trajectory})"
+    is_least = choice.worst_ratio < 1.005
     return (
         f"Consistent on every trajectory and in the published studies: {_code(choice.recommended)}. The velocity error "
-        f"of {_code(choice.best)} is nowhere more than {number(choice.worst_ratio)} times the least of these "
-        f"({_words(choice.worst_trajectory)})."
+        f"of {_code(choice.best)} is {'the least of these everywhere' if is_least else most}."
     )
 
 

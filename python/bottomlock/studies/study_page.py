@@ -119,7 +119,7 @@ def _pictures(table: pl.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     for (trajectory,), rows in _place(table).group_by("trajectory", maintain_order=True):
         heading = str(trajectory).replace("_", " ").capitalize()
         caption = f"{heading}: velocity error at the end by what returns, RMS over runs; bars: 95 % interval."
-        yield pictures.add(figure(rows), f"study_{trajectory}", caption)
+        yield pictures.add(figure(rows), f"study_{trajectory}", caption, kind="")
 
 
 def figure(rows: pl.DataFrame) -> Figure:
