@@ -37,10 +37,6 @@ Sway = Callable[[np.random.Generator, int], worlds.Course]
 """Sway through the water, m/s, of a run of so many seconds."""
 
 
-def constant(value: float) -> worlds.Course:
-    return lambda t, order: np.full_like(t, value if order == 0 else 0.0)
-
-
 def wandering(sd_mps: float, time_s: float) -> Sway:
     """First-order, drawn for each run."""
     return lambda rng, seconds: worlds.gauss_markov(rng, sd_mps, time_s, seconds)
@@ -48,7 +44,7 @@ def wandering(sd_mps: float, time_s: float) -> Sway:
 
 def lasting(sway_mps: float) -> Sway:
     """The same in every run."""
-    return lambda _rng, _seconds: constant(sway_mps)
+    return lambda _rng, _seconds: worlds.constant(sway_mps)
 
 
 def ramp(rate_mps2: float, start_s: float = 0.0) -> Sway:
@@ -67,7 +63,7 @@ def front(start_s: float) -> worlds.Course:
     )
 
 
-ACROSS = constant(CURRENT_MPS)
+ACROSS = worlds.constant(CURRENT_MPS)
 MEMS = ImuModel(
     accel_bias_sd_mps2=2e-3 * 9.80665,
     gyro_bias_sd_radps=float(np.deg2rad(30.0 / 3600.0)),
@@ -183,8 +179,8 @@ def setting(world: World) -> Setting:
 def truth_of(world: World, number: int) -> Any:  # noqa: ANN401 - the arrays of the kernel's TruthDict
     """The motion of a run."""
     sway = world.sway(np.random.default_rng([SEED, number]), world.seconds)
-    motion = worlds.Motion(constant(SPEED_MPS), sway, constant(0.0))
-    return worlds.truth(world.seconds, world.yaw, [constant(0.0), world.current], motion)
+    motion = worlds.Motion(worlds.constant(SPEED_MPS), sway, worlds.constant(0.0))
+    return worlds.truth(world.seconds, world.yaw, [worlds.constant(0.0), world.current], motion)
 
 
 @lru_cache(maxsize=16)

@@ -22,6 +22,11 @@ Yaw = Callable[[Array], tuple[Array, Array, Array]]
 Course = Callable[[Array, int], Array]
 
 
+def constant(value: float) -> Course:
+    """The same at all times."""
+    return lambda t, order: np.full_like(t, value if order == 0 else 0.0)
+
+
 def straight(t: Array) -> tuple[Array, Array, Array]:
     """Yaw, its rate and its acceleration: none."""
     return np.zeros_like(t), np.zeros_like(t), np.zeros_like(t)

@@ -22,14 +22,14 @@ def reporter() -> Callable[[int], None] | None:
     return _reached.get()
 
 
-def teller(every: int = 1 << 22) -> Callable[[int], None]:
-    """What a reader of small records calls with each byte that it has reached; it reports one in so many bytes."""
-    report, told = reporter(), 0
+def sparse_reporter(every: int = 1 << 22) -> Callable[[int], None]:
+    """As `reporter`, for a reader of small records: it reports one position in `every` bytes."""
+    report, reported = reporter(), 0
 
     def reached(at: int) -> None:
-        nonlocal told
-        if report is not None and at > told + every:
-            told = at
+        nonlocal reported
+        if report is not None and at > reported + every:
+            reported = at
             report(at)
 
     return reached

@@ -26,7 +26,7 @@ from bottomlock.io.log_stream import (
     finish,
     velocity_of_displacements,
 )
-from bottomlock.io.progress import teller
+from bottomlock.io.progress import sparse_reporter
 from bottomlock.support.extras import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -205,7 +205,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
     found: dict[tuple[_Source, str], _Read] = {}
     vehicles: set[int] = set()
-    at, size, reached = 0, len(data), teller()
+    at, size, reached = 0, len(data), sparse_reporter()
     while at < size:
         end = _end(data, at)
         if end is None or end > size:

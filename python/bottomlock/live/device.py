@@ -90,18 +90,18 @@ class Receiver:
 
     Args:
         transport: asyncio's or the serial library's.
-        told: is given every message, and whether it `is_written` or dropped.
+        on_outcome: called with every message, and whether it `is_written` or dropped.
         whole: whether every byte is written.
     """
 
     def __init__(
         self,
         transport: Any,  # noqa: ANN401
-        told: Callable[..., None] = lambda *_, **__: None,
+        on_outcome: Callable[..., None] = lambda *_, **__: None,
         *,
         whole: bool = False,
     ) -> None:
-        self.transport, self._told, self._whole = transport, told, whole
+        self.transport, self._on_outcome, self._whole = transport, on_outcome, whole
         self._newest: dict[int, Outgoing] = {}
         """What waits for it, by port, the longest first."""
         self._again: asyncio.TimerHandle | None = None
@@ -126,12 +126,15 @@ class Receiver:
         """Writes a message, at once or as soon as it is taken; one of the same port that waits for that is dropped."""
         if self._whole:
             is_behind = self.unwritten > MOST_BEHIND_BYTES
-            self.transport.abort() if is_behind else self.send(message.data)
-            self._told(message, is_written=not is_behind)
+            if is_behind:
+                self.transport.abort()
+            else:
+                self.send(message.data)
+            self._on_outcome(message, is_written=not is_behind)
             return
         before = self._newest.pop(message.port, None)
         if before is not None:
-            self._told(before, is_written=False)
+            self._on_outcome(before, is_written=False)
         self._newest[message.port] = message
         if self._again is None:
             self._pass_on()
@@ -148,7 +151,7 @@ class Receiver:
                 self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._pass_on)
                 return
             del self._newest[port]
-            self._told(message, is_written=is_taken)
+            self._on_outcome(message, is_written=is_taken)
 
     def _is_late(self) -> bool:
         """Whether it has not taken in time what it was sent before."""
@@ -301,7 +304,7 @@ class Device:
     @asynccontextmanager
     async def _open(self, transport: Any, words: str) -> AsyncIterator[Receiver]:  # noqa: ANN401
         """While a transport is open: who says nothing before it is spoken to is greeted, and it can be written to."""
-        receiver = Receiver(transport, self._told, whole=self._whole)
+        receiver = Receiver(transport, self._count, whole=self._whole)
         self.receivers.append(receiver)
         self._opened(words)
         greeting = asyncio.create_task(self._greet(receiver))
@@ -346,7 +349,8 @@ class Device:
         self.dropped[port] += not self.receivers
         return bool(self.receivers)
 
-    def _told(self, message: Outgoing, *, is_written: bool) -> None:
+    def _count(self, message: Outgoing, *, is_written: bool) -> None:
+        """Counts a message as written, once for all receivers, or as dropped by one."""
         if is_written:
             self.written[message.port] += not message.is_given
             message.is_given = True

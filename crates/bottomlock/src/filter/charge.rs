@@ -147,8 +147,8 @@ impl Eskf {
         let measured = observed(innovation, block);
         let since_ns = self.rejected_since_ns(sensor);
         let has_velocity = self.measured.velocity_ns.is_some_and(|time_ns| time_ns >= since_ns);
-        let is_open = || !has_velocity || self.is_beyond_linear_range() || self.is_moving(innovation, sensor);
-        if quantity == Quantity::Position && innovation.rows == 3 && is_open() {
+        let is_velocity_open = || !has_velocity || self.is_beyond_linear_range() || self.is_moving(innovation, sensor);
+        if quantity == Quantity::Position && innovation.rows == 3 && is_velocity_open() {
             return Charged {
                 measured,
                 inertial,

@@ -32,9 +32,9 @@ const YAW_MOVES: f64 = 0.1;
 /// find a yaw that explains it.
 const PLAUSIBLE: f64 = 3.0;
 
-/// Part of a position's sigma by which a path has to move for the error state to follow an update of anything but a position. Set on
-/// lawn mowers after outages of 1 to 3 min; straight legs and figures of eight have the same gain. From 0.1 to 0.5 it is one result, at 1
-/// half the gain is lost, since several pings share a correction.
+/// The error state follows an update of anything but a position where this part of the position's sigma is moved by it. Set on lawn
+/// mowers after outages of 1 to 3 min, tested on straight legs and figures of eight. From 0.1 to 0.5 the results are alike; at 1 half
+/// the gain is lost, since several pings share a correction.
 const PATH_MOVES: f64 = 0.5;
 
 const YAW: (usize, usize) = (ATTITUDE + 2, ATTITUDE + 2);

@@ -147,7 +147,7 @@ fn the_path_is_the_tangent_of_the_exact_one() {
 /// By hand: σ 100 m and 1 m/s north, which are one error, and yaw 0.2 rad. A velocity that is 1 m/s off corrects the north by 100 m, and
 /// with it 20 m of east become the yaw's; of 0.1 m/s it is 2 m, less than half of the 8 m that the east has.
 #[test]
-fn a_velocity_that_corrects_the_way_moves_it_by_the_yaw() {
+fn a_velocity_that_corrects_the_path_turns_it_by_the_yaw() {
     for (gained_mps, east_m2) in [(1.0, 64.0 + 400.0), (0.1, 64.0)] {
         let mut filter = filter(0.2);
         let mut covariance = Covariance::identity() * 1e-12;
