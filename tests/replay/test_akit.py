@@ -86,7 +86,7 @@ def test_tight_coupling_is_information_form_is_exact_virtual_beam(
 def test_rounding_does_not_move_a_row(data: Path, scratch: Path) -> None:
     """Readings changed in the twelfth digit move no end by more than a millimetre: other processors give the same page.
 
-    The others move by 4e-9 of it at most; vb, which takes its virtual beams from its own estimate, by 1.5e-7 (twelve draws).
+    The others move by 4e-9 of it at most; vb, which takes its virtual beams from its estimate, by 1.5e-7 (12 draws).
     """
     methods = ("ins", "tc", "vb", "nsv", "elc")
     case = akit_case(data, scratch, 7, asks=("lost_34",), replay=f"smooth = false\nmethods = {list(methods)}")
