@@ -51,6 +51,13 @@ pub(super) struct Charged {
     pub(super) own: FurtherVector,
 }
 
+impl Charged {
+    /// Whether no inertial states are charged but those that the readings measure.
+    pub(super) fn are_measured(&self) -> bool {
+        self.inertial == self.measured
+    }
+}
+
 impl Charge {
     pub(super) fn none(factor: Option<f64>) -> Self {
         Self {
@@ -115,7 +122,7 @@ impl Eskf {
         let z = &innovation.residual;
         let [inertial, own] = [by_inertial, by_own].map(|part| z.dot(&(part * z)));
         charge.to_sensor = if own > 0.0 { own / (own + inertial) } else { 0.0 };
-        charge.is_of_all = charged.inertial != charged.measured;
+        charge.is_of_all = !charged.are_measured();
         charge.factor = Some(if own > 0.0 { factor } else { indirect * direct });
         self.charge(&charge);
         (charge.factor > Some(1.0)).then_some(charge)

@@ -4,6 +4,7 @@ use nalgebra::Matrix3;
 
 use super::*;
 use crate::aiding::Motion;
+use crate::aiding::position::position;
 use crate::aiding::velocity::velocity;
 use crate::aiding::{beam_terms, tightly_coupled};
 use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
@@ -168,4 +169,75 @@ fn an_outlier_does_not_end_a_doubt() {
     // Before it is doubted every outlier is.
     run.push(true, 4.0, off, 8, 2);
     assert_eq!((run.doubtful, run.since_ns), (1, 8));
+}
+
+/// A fix at a time, with noise of 1 m, beside a velocity accepted then; the verdict, and the factor of an inflation.
+fn push_fix(filter: &mut Eskf, at_s: i64, reading_m: [f64; 3]) -> (Verdict, Option<f64>) {
+    filter.state.time_ns = at_s * S;
+    filter.measured.velocity_ns = Some(at_s * S);
+    let of = |filter: &Eskf| {
+        position(
+            &Motion::still(&filter.state()),
+            &Vec3::from_array(reading_m),
+            &[1.0; 3],
+            &Vec3::from_array([0.0; 3]),
+        )
+    };
+    let report = filter.update(&of(filter), Sensor::AcousticPosition).unwrap();
+    if report.verdict != Verdict::Rejected {
+        filter.note_accepted(Sensor::AcousticPosition);
+        return (report.verdict, None);
+    }
+    let charge = filter
+        .note_rejected(&of(filter), Sensor::AcousticPosition, false)
+        .unwrap();
+    (report.verdict, charge.and_then(|charge| charge.factor))
+}
+
+/// Fixes 50 m off are believed once they have lasted as long as those accepted before, the third of them at the earliest, and after
+/// five minutes at the latest; until then the covariance stays. Where as much time had passed without any, the third is.
+#[test]
+fn fixes_are_believed_once_they_have_lasted_as_long_as_those_before() {
+    // Fixes were accepted from 0 s to `until_s`; the first one off comes at `from_s`.
+    for (until_s, from_s, believed_s) in [
+        (0, 5, 7),
+        (1, 2, 4),
+        (20, 25, 45),
+        (20, 39, 59),
+        (20, 40, 42),
+        (299, 300, 599),
+        (1000, 1001, 1301),
+    ] {
+        let mut filter = filter();
+        for at_s in [0, until_s] {
+            assert_eq!(push_fix(&mut filter, at_s, [0.0; 3]).0, Verdict::Accepted);
+        }
+        let before = filter.covariance();
+        let mut off = (from_s..).map(|at_s| (at_s, push_fix(&mut filter, at_s, [0.0, 50.0, 0.0])));
+        let believed = off.find(|(_, (_, factor))| factor.is_some());
+        assert_eq!(believed.unwrap().0, believed_s, "{until_s} {from_s}");
+        assert!((filter.covariance() - before).view((POSITION, POSITION), (3, 3)).amax() > 100.0);
+        assert_eq!(push_fix(&mut filter, believed_s, [0.0, 50.0, 0.0]).0, Verdict::Accepted);
+        // Those that follow are confirmed from here on, not from 0 s.
+        let since = filter.run(Sensor::AcousticPosition).accepted_ns;
+        assert_eq!(since, Some([believed_s * S; 2]));
+    }
+}
+
+/// A fix that agrees with the filter ends the doubt of those before it.
+#[test]
+fn a_fix_that_agrees_ends_the_doubt() {
+    let mut filter = filter();
+    for at_s in [0, 20] {
+        push_fix(&mut filter, at_s, [0.0; 3]);
+    }
+    let before = filter.covariance();
+    for at_s in 21..40 {
+        assert_eq!(push_fix(&mut filter, at_s, [0.0, 50.0, 0.0]), (Verdict::Rejected, None));
+    }
+    assert_eq!(filter.covariance(), before);
+    assert_eq!(push_fix(&mut filter, 40, [0.0; 3]).0, Verdict::Accepted);
+    let run = filter.run(Sensor::AcousticPosition);
+    assert!(run.is_empty());
+    assert_eq!(run.accepted_ns, Some([0, 40 * S]));
 }

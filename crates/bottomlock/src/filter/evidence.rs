@@ -25,6 +25,10 @@
 //! velocities therefore make the velocity as uncertain as their difference d, P + d dᵀ, which holds whichever is right: readings on
 //! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
 //! some of them may be right. After [`LONGEST_DOUBT_NS`] either is used.
+//!
+//! So can a position beside an accepted velocity: that the vehicle did not jump is known, and either the fixes of before were
+//! wrong or these are. They are used once they have lasted as long as those of before, after [`LONGEST_DOUBT_OF_FIXES_NS`] at most;
+//! the covariance stays as it is, since the path from the last good fix is known as well as it claims.
 
 use nalgebra::Vector3;
 
@@ -36,6 +40,9 @@ use crate::filter::gate::{FIVE_SIGMA_FACTOR, LONGEST_DOUBT_NS};
 use crate::filter::report::Sensor;
 use crate::layout::{POSITION, VELOCITY};
 use crate::state::Covariance;
+
+/// Time from the first rejected fix after which fixes in doubt are used, however long those of before had lasted.
+const LONGEST_DOUBT_OF_FIXES_NS: i64 = 300_000_000_000;
 
 /// Part of the variance of a doubted difference that is left where nothing has shown which is right.
 const STILL_HELD: f64 = 0.25;
@@ -61,6 +68,8 @@ struct Run {
     has_strayed: bool,
     /// Whether the covariance of the velocity holds the correction.
     is_held: bool,
+    /// Times of the first and the last of the readings that were accepted since a run was believed.
+    accepted_ns: Option<[i64; 2]>,
 }
 
 impl Evidence {
@@ -90,7 +99,7 @@ impl Run {
             *self = Self {
                 since_ns: time_ns,
                 first: correction,
-                ..Self::default()
+                ..self.ended()
             };
         }
         self.has_strayed = false;
@@ -101,6 +110,35 @@ impl Run {
         } else {
             self.explained += 1;
         }
+    }
+
+    /// The run once it has ended: what was accepted before it.
+    fn ended(&self) -> Self {
+        Self {
+            accepted_ns: self.accepted_ns,
+            ..Self::default()
+        }
+    }
+
+    /// The run after a reading that was accepted.
+    fn accepted(&self, time_ns: i64) -> Self {
+        Self {
+            accepted_ns: Some([self.accepted_ns.map_or(time_ns, |[first_ns, _]| first_ns), time_ns]),
+            ..Self::default()
+        }
+    }
+
+    /// Time for which readings had been accepted before the run; zero where as much had passed without any when it began.
+    fn confirmed_ns(&self, time_ns: i64) -> i64 {
+        let began_ns = if self.is_empty() { time_ns } else { self.since_ns };
+        self.accepted_ns.map_or(0, |[first_ns, last_ns]| {
+            let lasted_ns = last_ns.saturating_sub(first_ns);
+            if began_ns.saturating_sub(last_ns) < lasted_ns {
+                lasted_ns
+            } else {
+                0
+            }
+        })
     }
 
     const fn is_empty(&self) -> bool {
@@ -132,7 +170,9 @@ impl Eskf {
 
     /// Notes that a reading passed its gate.
     pub(crate) fn note_accepted(&mut self, sensor: Sensor) {
-        *self.run_mut(sensor) = Run::default();
+        let time_ns = self.state.time_ns;
+        let run = self.run_mut(sensor);
+        *run = run.accepted(time_ns);
     }
 
     fn run(&self, sensor: Sensor) -> &Run {
@@ -198,7 +238,8 @@ impl Eskf {
             return Ok(None);
         }
         if self.run(sensor).is_held {
-            *self.run_mut(sensor) = Run::default();
+            let run = self.run_mut(sensor);
+            *run = run.ended();
         }
         let with_further_noise = self.with_further_noise(innovation);
         let mut innovation = with_further_noise.as_deref().unwrap_or(innovation).clone();
@@ -224,18 +265,25 @@ impl Eskf {
         if !explains(&both, UNINFORMATIVE_FACTOR) {
             return Ok(None);
         }
-        let is_doubtful = is_confirmed && !explains(&both, FIVE_SIGMA_FACTOR);
         let block = measured_block(sensor);
+        let is_position = block == POSITION && innovation.rows == 3 && charged.are_measured();
+        let is_confirmed = is_confirmed || (is_position && self.run(sensor).confirmed_ns(self.state.time_ns) > 0);
+        let is_doubtful = is_confirmed && !explains(&both, FIVE_SIGMA_FACTOR);
         let factor = matching_factor(innovation, &whole, &both);
         let run = self.run_mut(sensor);
         run.push(is_doubtful, factor, solved(innovation, block), time_ns, needed);
         let is_complete = run.explained >= needed;
-        let is_believed = run.doubtful >= needed && time_ns - run.since_ns >= LONGEST_DOUBT_NS;
+        let longest_ns = if is_position {
+            run.confirmed_ns(time_ns).min(LONGEST_DOUBT_OF_FIXES_NS)
+        } else {
+            LONGEST_DOUBT_NS
+        };
+        let is_believed = run.doubtful >= needed && time_ns - run.since_ns >= longest_ns;
         if is_complete || is_believed {
             let factor = std::mem::take(run).factor();
             return Ok(self.charge_with(factor, &charged, &unshared, &[by_inertial, by_own], innovation));
         }
-        if run.doubtful >= needed && sensor != Sensor::Beams {
+        if run.doubtful >= needed && block == VELOCITY && sensor != Sensor::Beams {
             run.is_held = true;
             let mut charge = Charge::none(None);
             let mut velocity = charge.inertial.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
