@@ -17,9 +17,15 @@ SD_M = 1.0
 
 
 def at_end(
-    duration_s: float, mask: tuple[int, ...], has_depth: bool, fix_s: Array, off_m: Array, seed: int, runs: int
+    duration_s: float,
+    mask: tuple[int, ...],
+    has_depth: bool,
+    fix_s: Array,
+    off_m: Array,
+    seed: int,
+    runs: int,
 ) -> tuple[Array, Array]:
-    """(runs, M) position error at the end, m, and its sigma, with fixes of `SD_M` at times that are off along x by `off_m`."""
+    """(runs, M) position error at the end, m, and its sigma, with fixes of `SD_M` that are off along x by `off_m`."""
     simulation = analytic_simulation("straight", duration_s=duration_s)
     truth, scenario = simulation.truth(), simulation.scenario
     model = scenario.kernel_model(simulation.gravity_mps2)

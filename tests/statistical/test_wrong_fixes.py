@@ -26,7 +26,7 @@ SEED, RUNS, EVERY_S, OFF_M = 20261201, 20, 5.0, 50.0
 def test_an_echo_that_is_shorter_than_what_was_accepted_is_not_taken(
     mask: tuple[int, ...], from_s: float, until_s: float, end_s: float, is_taken: bool
 ) -> None:
-    """No run leaves 3.5 sigma, nor 3.4 m; an echo that lasts is believed, as the good fixes after a wrong start must be."""
+    """No run leaves 3.5 sigma, nor 3.4 m; an echo that lasts is believed, as good fixes after a wrong start must be."""
     fix_s = np.arange(EVERY_S, end_s, EVERY_S)
     off_m = OFF_M * ((fix_s >= from_s) & (fix_s < until_s))
     errors, claimed = at_end(end_s, mask, True, fix_s, off_m, SEED, RUNS)
