@@ -1,7 +1,8 @@
 """Fixes that echo: they agree with each other, 50 m from a path that the beams know to a metre.
 
-Which of the two is wrong no single fix shows. The filter uses those that are off once they have lasted as long as those that it
-had accepted. Where it used the fifth, and the fixes ended with the echo, every run was 50 m off at a claimed 2 to 3.
+Which of the two is wrong no single fix shows. The filter uses those that are off once they have lasted as long as those
+that it had accepted. Where it used the fifth, and the fixes ended with the echo, every run was 50 m off at a claimed 2
+to 3.
 """
 
 import numpy as np
