@@ -35,7 +35,7 @@ WAITING_S = 0.2
 AGAIN_S = 0.02
 """Until a receiver that does not keep up is tried again."""
 WARN_AGAIN_S = 60.0
-"""Time between two warnings of a receiver that falls behind."""
+"""Time between two warnings of a receiver that falls behind, or a file that cannot be written."""
 MOST_BEHIND_BYTES = 1 << 20
 """Of whole records, beyond which a receiver is left."""
 PATIENCE_S = 5.0
@@ -356,12 +356,16 @@ class Device:
             message.is_given = True
             return
         self.dropped[message.port] += 1
+        self._warn(
+            "a receiver reads too slowly, messages are dropped: set rate_hz below what it reads a second"
+        )
+
+    def _warn(self, words: str) -> None:
+        """Says what goes on and on, once in `WARN_AGAIN_S`."""
         now_s = time.monotonic()
         if now_s - self._warned_s > WARN_AGAIN_S:
             self._warned_s = now_s
-            self._on_state(
-                "a receiver reads too slowly, messages are dropped: set rate_hz below what it reads a second"
-            )
+            self._on_state(words)
 
     async def drained(self, most_bytes: float = 0) -> None:
         """Waits until no receiver has more bytes unwritten."""

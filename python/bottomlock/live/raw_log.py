@@ -110,12 +110,14 @@ class RawLog:
         """Writes an entry; times never fall.
 
         Raises:
-            OutputError: where the disk is full or gone.
+            OutputError: where the disk is full or gone; the log has ended then.
         """
         try:
             self._messages = (self._messages + 1) % _NUMBERS
             self._writer.add_message(self._channels[kind, place], time_ns, data, time_ns, self._messages)
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.close()  # as it is, without an end: the log is one that was cut off
             raise OutputError(f"cannot be written ({error.strerror or error})", place=self.path) from error
         self.bytes += len(data)
 

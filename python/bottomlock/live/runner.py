@@ -89,6 +89,8 @@ class Live:
 
     _ran_ns, _running = 0, False
     _saved: Future[None] | None = None
+    _unsaved = ""
+    """Why the last checkpoint was not written; "" where it was."""
 
     def __init__(
         self,
@@ -281,10 +283,14 @@ class Live:
             self._saved = self._saver.submit(self._write_checkpoint, self.config.checkpoint.file, content)
 
     def _write_checkpoint(self, file: str, content: bytes) -> None:
+        fault = ""
         try:
             write_bytes(Path(file), content)
         except BottomlockError as error:
-            self._say(f"no checkpoint: {error}")
+            fault = f"no checkpoint: {error}"
+        if fault != self._unsaved:  # a full disk is said once, and not at every attempt
+            self._unsaved = fault
+            self._say(fault or "checkpoints are written again")
 
 
 def periodic(config: LiveConfig) -> list[tuple[float, Callable[[Live], None]]]:

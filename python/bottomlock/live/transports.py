@@ -168,23 +168,39 @@ class _File(_Pipe):
 
 
 class _Written(Device):
-    """A file to which messages are appended, or stdout."""
+    """A file to which messages are appended, each whole or not at all, or stdout."""
 
     _file: IO[bytes] | None = None
 
     def write(self, data: bytes, port: int = 0) -> bool:
         if self._file is not None:
             try:
-                self._file.write(data)
-                self._file.flush()
+                self._append(self._file, data)
             except OSError as error:
                 self.state = f"cannot be written: {words_of(error)}"
+                self._warn(self.state)
             else:
                 self.state = "writing"
                 self.written[port] += 1
                 return True
         self.dropped[port] += 1
         return False
+
+    def _append(self, file: IO[bytes], data: bytes) -> None:
+        """Writes a message; what a full disk has taken of it is removed again.
+
+        Raises:
+            OSError: where it cannot be written.
+        """
+        taken = 0
+        try:
+            while taken < len(data):
+                taken += file.write(data[taken:])
+            file.flush()
+        except OSError:
+            with contextlib.suppress(OSError):  # a device or a pipe has no end that moves
+                file.truncate(file.tell() - taken)
+            raise
 
     async def _once(self) -> None:
         with contextlib.ExitStack() as closed:
@@ -200,7 +216,8 @@ class _Written(Device):
     def _of(self, closed: contextlib.ExitStack) -> IO[bytes]:
         if not self.address.path:
             return sys.stdout.buffer
-        return closed.enter_context(Path(self.address.path).open(self._mode))
+        # Without a buffer, which would keep what the disk has refused and fail again where the file is closed.
+        return closed.enter_context(Path(self.address.path).open(self._mode, buffering=0))
 
 
 _LINES: dict[str, type[Device]] = {
