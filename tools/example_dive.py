@@ -28,7 +28,7 @@ from bottomlock.instruments.schedule import POWERED_S, records
 from bottomlock.instruments.sources import readings_of_scenario, with_geometry
 from bottomlock.io import pd0
 from bottomlock.io.beam_table import write_recording
-from bottomlock.plant.telemetry import euler_rad
+from bottomlock.plant.flight import euler_rad
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 

@@ -14,7 +14,7 @@ import bottomlock
 from bottomlock.config.scenario import EARTH_RATE_RADPS, load_scenario
 from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
-from bottomlock.plant.truth import inertial_measurements
+from bottomlock.plant.flight import inertial_measurements
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.replay.init.against_imu import turns
 from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings

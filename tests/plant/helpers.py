@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from bottomlock.plant import Mission, Vehicle, load_vehicle, model
-from bottomlock.plant.autopilot import fin_mixing
+from bottomlock.plant import Mission, Vehicle, load_vehicle
+from bottomlock.plant.control import fin_mixing
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import NO_ERROR, stepper
+from bottomlock.plant.swim import NO_ERROR, Integration
 
 GRAVITY_MPS2 = 9.795
 LATITUDE_RAD = math.radians(32.8)
@@ -76,23 +76,14 @@ def at_speed(speed_mps: float) -> list[float]:
 
 
 def pilot(
-    vehicle: Vehicle,
-    mission: Mission,
-    state: Sequence[float],
-    *,
-    duration_s: float,
-    step_s: float = 1.0 / 30.0,
+    vehicle: Vehicle, mission: Mission, state: Sequence[float], *, duration_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Fly the mission's first segment closed loop from a whole state (28): times and states."""
-    rates = model.derivative(vehicle, mission, SCALAR, GRAVITY_MPS2)
+    step_s = 1.0 / 30.0
     steps = round(duration_s / step_s)
-    rows = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)).tolist()
-    step = stepper(rates, SCALAR, step_s)
-    segment = guide_rows(mission.segments)[0]
-    present = [float(value) for value in state]
-    slope, track = rates(present, rows[0], segment, NO_ERROR), [present]
-    for number in range(steps):
-        middle, end = rows[2 * number + 1], rows[2 * number + 2]
-        present, slope = step(present, slope, middle, end, segment, NO_ERROR)
-        track.append(present)
+    start = [float(value) for value in state]
+    run = Integration(vehicle, mission, SCALAR, start, gravity_mps2=GRAVITY_MPS2, step_s=step_s, steps=steps)
+    segment, track = guide_rows(mission.segments)[0], [start]
+    while run.step < steps:
+        track += run.tick(segment, NO_ERROR)[0][1:]
     return step_s * np.arange(steps + 1, dtype=np.float64), np.array(track, dtype=np.float64)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bottomlock.plant import Vehicle, model, straight, swim
-from bottomlock.plant.autopilot import fin_mixing, pid, servo
+from bottomlock.plant.control import fin_mixing, pid, servo
+from bottomlock.plant.flight import euler_rad
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.mission import DepthProfile, Mission
 from bottomlock.plant.path import PathBuilder
-from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import eigenvalues, start_state
 from tests.plant.helpers import GRAVITY_MPS2, finned, pilot
 

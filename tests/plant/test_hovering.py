@@ -27,12 +27,12 @@ from bottomlock.plant import (
     swim,
     telemetry,
 )
-from bottomlock.plant.autopilot import Motion, Wanted, thruster_steering
+from bottomlock.plant.control import Motion, Wanted, thruster_steering
 from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
+from bottomlock.plant.flight import euler_rad
+from bottomlock.plant.hovering_vehicle import parse_vehicle
 from bottomlock.plant.maths import SCALAR, FloatArray
-from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import check_stability, start_state
-from bottomlock.plant.vehicle_file import parse_vehicle
 from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD, finned
 from tests.plant.matrices import added_mass_coriolis_matrix, restoring_vector, rigid_body_coriolis_matrix
 

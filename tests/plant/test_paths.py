@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import DepthProfile, lawn_mower, load_vehicle
-from bottomlock.plant.guidance import line_of_sight, offset_and_heading
+from bottomlock.plant.control import line_of_sight, offset_and_heading
 from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.path import (
     PathBuilder,

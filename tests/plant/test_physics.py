@@ -13,7 +13,6 @@ from bottomlock.plant.equations import (
     acceleration,
     added_mass_matrix,
     fin_wrench,
-    hull_wrench,
     lift_and_drag,
     propeller_wrench,
     rigid_body_mass_matrix,
@@ -59,15 +58,6 @@ def test_mass_matrices_are_symmetric_and_positive(name: str) -> None:
     for matrix in (rigid_body_mass_matrix(VEHICLES[name]), added_mass_matrix(VEHICLES[name])):
         assert (matrix == matrix.T).all()
         assert np.linalg.eigvalsh(matrix).min() > 0.0
-
-
-@given(names, velocities)
-def test_hull_damping_matrix_is_symmetric_and_never_negative(name: str, nu: FloatArray) -> None:
-    matrix = hull_damping_matrix(VEHICLES[name], nu)
-    assert np.allclose(matrix, matrix.T)
-    assert np.linalg.eigvalsh(matrix).min() >= -1e-9 * max(1.0, float(np.abs(matrix).max()))
-    wrench = np.array(hull_wrench(VEHICLES[name], SCALAR)(tuple(nu.tolist())))
-    assert np.allclose(-matrix @ nu, wrench, atol=1e-9 * max(1.0, float(np.abs(wrench).max())))
 
 
 @given(names, quaternions, velocities, deflections, st.floats(0.0, 25.0))

@@ -18,8 +18,8 @@ from bottomlock.plant.equations import (
     propeller_wrench,
     rigid_body_mass_matrix,
 )
+from bottomlock.plant.flight import euler_rad
 from bottomlock.plant.maths import SCALAR, FloatArray
-from bottomlock.plant.telemetry import euler_rad
 from bottomlock.plant.trim import trim
 from tests.oracle import mss_remus
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of

@@ -10,8 +10,7 @@ import pytest
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import Mission, straight
-from bottomlock.plant.seabed import GridSeabed, PlaneSeabed, Seabed
-from bottomlock.plant.tables import seabed_from_table
+from bottomlock.plant.seabed import GridSeabed, PlaneSeabed, Seabed, seabed_from_table
 from bottomlock.simulation.build import mission_of
 
 SCENARIO = load_scenario("straight")

@@ -12,8 +12,8 @@ import pytest
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import Vehicle, load_vehicle, packaged_vehicles
 from bottomlock.plant.equations import myring_radius_m
+from bottomlock.plant.hovering_vehicle import parse_vehicle
 from bottomlock.plant.trim import check_stability
-from bottomlock.plant.vehicle_file import parse_vehicle
 from tests.plant import derivations
 from tests.plant.helpers import GRAVITY_MPS2
 
@@ -97,9 +97,13 @@ def _set(tables: dict[str, Any], path: str, **entries: object) -> None:
         (
             "rigid_body.mass",
             {"unit": "lb"},
-            r"rigid_body\.mass: unit 'lb' is not a unit of mass; expected kg",
+            r"rigid_body\.mass: unit 'lb' is not one of this coefficient, expected kg",
         ),
-        ("hull.length", {"unit": "kg"}, r"hull\.length: unit 'kg' is not a unit of length; expected m or mm"),
+        (
+            "hull.length",
+            {"unit": "kg"},
+            r"hull\.length: unit 'kg' is not one of this coefficient, expected m or mm",
+        ),
         ("hull.lift", {"value": float("nan")}, r"hull\.lift: value nan is not a finite number"),
         ("hull.lift", {"source": " "}, r"hull\.lift: 'source' is empty"),
         ("hull.lift", {"uncertainty": 3.0}, r"hull\.lift: unknown key 'uncertainty'"),

@@ -15,7 +15,7 @@ from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges
 from bottomlock.io.beam_table import WaterTable, read_beam_table, read_water_table, water_file
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.io.formats import read_recording
-from bottomlock.plant.telemetry import euler_rad
+from bottomlock.plant.flight import euler_rad
 from bottomlock.recordings.streams import Depths, Inertial
 from bottomlock.recordings.water_cells import same_ping
 from bottomlock.replay.case import load_case

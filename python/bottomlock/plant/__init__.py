@@ -4,10 +4,11 @@ Frames: tangent NED fixed to the Earth, platform FRD at the centre of buoyancy. 
 notation for coefficients. From file to truth: `load_vehicle` -> a `Mission` -> `fly` -> `Flight.truth`.
 """
 
-from bottomlock.plant.autopilot import StuckFin
-from bottomlock.plant.current import Current
-from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
+from bottomlock.plant.control import StuckFin
+from bottomlock.plant.flight import Flight, fly, telemetry
+from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle, load_vehicle, packaged_vehicles
 from bottomlock.plant.mission import (
+    Current,
     DepthProfile,
     Mission,
     figure_eight,
@@ -16,10 +17,7 @@ from bottomlock.plant.mission import (
     waypoint_mission,
 )
 from bottomlock.plant.swim import StateHistory, swim
-from bottomlock.plant.telemetry import telemetry
-from bottomlock.plant.truth import Flight, fly
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.plant.vehicle_file import load_vehicle, packaged_vehicles
 
 __all__ = [
     "AnyVehicle", "Current", "DepthProfile", "Flight", "HoveringVehicle", "Mission", "StateHistory",

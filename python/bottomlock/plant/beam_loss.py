@@ -71,35 +71,26 @@ def chain(times: Dropout | AltitudeLoss, time_ns: IntArray, uniforms: FloatArray
 def markov_valid(
     time_ns: IntArray,
     beams: int,
-    dropouts: Sequence[Dropout],
+    losses: Sequence[Dropout | AltitudeLoss],
     *,
     seed: int,
     trajectory_key: int,
     first_run: int,
     runs: int,
 ) -> BoolArray:
-    """(runs, E, B) validity of independent beams."""
+    """(runs, E, B) validity of independent beams, and of all beams together under an altitude loss."""
     valid = np.ones((runs, len(time_ns), beams), dtype=np.bool_)
-    for dropout in dropouts:
-        for beam in dropout.beams:
-            draws = _uniforms(time_ns, seed, trajectory_key, first_run, runs, _MARKOV_STREAM, beam - 1)
-            valid[:, :, beam - 1] = chain(dropout, time_ns, draws)
+    numbers = range(first_run, first_run + runs)
+    for loss in losses:
+        together = isinstance(loss, AltitudeLoss)
+        stream = _ALTITUDE_STREAM if together else _MARKOV_STREAM
+        for index in (0,) if isinstance(loss, AltitudeLoss) else [beam - 1 for beam in loss.beams]:
+            draws = [
+                generator(seed, trajectory_key, run, stream, index).random(len(time_ns)) for run in numbers
+            ]
+            part = slice(None) if together else slice(index, index + 1)
+            valid[:, :, part] &= chain(loss, time_ns, np.stack(draws))[:, :, None]
     return valid
-
-
-def altitude_loss(
-    time_ns: IntArray,
-    beams: int,
-    times: AltitudeLoss,
-    *,
-    seed: int,
-    trajectory_key: int,
-    first_run: int,
-    runs: int,
-) -> BoolArray:
-    """(runs, E, B) validity when all beams are lost together."""
-    draws = _uniforms(time_ns, seed, trajectory_key, first_run, runs, _ALTITUDE_STREAM, 0)
-    return np.repeat(chain(times, time_ns, draws)[:, :, None], beams, axis=2)
 
 
 def replayed(time_ns: IntArray, recorded_time_ns: IntArray, recorded_valid: BoolArray) -> BoolArray:
@@ -147,12 +138,3 @@ def generator(seed: int, trajectory_key: int, run: int, stream: int, beam: int) 
     """Random generator of one stream of one beam of one run."""
     key = [seed, trajectory_key & 0xFFFFFFFF, trajectory_key >> 32, run, stream, beam]
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
-
-
-def _uniforms(
-    time_ns: IntArray, seed: int, trajectory_key: int, first_run: int, runs: int, stream: int, beam: int
-) -> FloatArray:
-    numbers = range(first_run, first_run + runs)
-    return np.stack(
-        [generator(seed, trajectory_key, run, stream, beam).random(len(time_ns)) for run in numbers]
-    )

@@ -14,16 +14,15 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.plant import model
+from bottomlock.plant.control import offset_and_heading
 from bottomlock.plant.equations import to_tangent
-from bottomlock.plant.guidance import offset_and_heading
+from bottomlock.plant.flight import euler_rad, inertial_measurements
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, next_segment
-from bottomlock.plant.swim import TICK_S, sampled, stepper
-from bottomlock.plant.telemetry import euler_rad
+from bottomlock.plant.swim import Integration, sampled, steps_per_tick
 from bottomlock.plant.trim import start_state
-from bottomlock.plant.truth import inertial_measurements
 from bottomlock.truth.ellipsoid import EllipsoidPath
 from bottomlock.truth.truth import sample_times_ns
 
@@ -118,35 +117,28 @@ class VehicleGroup:
             latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
         )
         self._paths = [EllipsoidPath(environment) for _ in range(runs if earth == "ellipsoid" else 0)]
-        self._parts = samples_per_step
-        self._step_s = samples_per_step / imu_rate_hz
-        self._steps_per_tick = max(1, round(TICK_S / self._step_s))
-        ticks = -(-mission.duration_s // (self._steps_per_tick * self._step_s))
-        steps = int(ticks) * self._steps_per_tick
-        times = 0.5 * self._step_s * np.arange(2 * steps + 1, dtype=np.float64)
-        self._rows = [list(row) for row in mission.timetable(times)]
-        self._time_ns = sample_times_ns(steps * self._step_s, imu_rate_hz)
+        self._parts, step_s = samples_per_step, samples_per_step / imu_rate_hz
+        per_tick = steps_per_tick(step_s)
+        steps = int(-(-mission.duration_s // (per_tick * step_s))) * per_tick
+        start = [np.full(runs, value) for value in start_state(vehicle, mission, gravity_mps2)]
+        self._run = Integration(
+            vehicle, mission, ARRAY, start, gravity_mps2=gravity_mps2, step_s=step_s, steps=steps
+        )
+        self._step_s, self._time_ns = step_s, sample_times_ns(steps * step_s, imu_rate_hz)
         self._accelerations = model.accelerations(vehicle, gravity_mps2)
-        self._rates = model.derivative(vehicle, mission, ARRAY, gravity_mps2)
-        self._advance = stepper(self._rates, ARRAY, self._step_s)
-        start = start_state(vehicle, mission, gravity_mps2)
-        self._state = [np.full(runs, value) for value in start]
         self._guides = guide_rows(mission.segments)
-        self._segments = np.array(self._guides)
         self._index = np.zeros(runs, dtype=np.int64)
         self._error = np.zeros((runs, 9))
-        self._step = 0
-        self.last_step = steps
 
     @property
     def finished(self) -> bool:
         """True when the mission's duration has been integrated."""
-        return self._step >= self.last_step
+        return self._run.step >= self._run.steps
 
     @property
     def state(self) -> FloatArray:
         """The current state, (runs, size), in the layout of `model`."""
-        return np.stack(self._state, axis=1)
+        return np.stack(self._run.state, axis=1)
 
     @property
     def segment(self) -> IntArray:
@@ -156,6 +148,7 @@ class VehicleGroup:
     def set_navigation_error(self, error: FloatArray) -> None:
         """Set the navigation error (runs, 9) of guidance and control until the next call."""
         self._error = np.asarray(error, dtype=np.float64)
+        self._run.slope = []
 
     def start(self) -> TruthBlock:
         """The truth at time zero."""
@@ -163,29 +156,15 @@ class VehicleGroup:
 
     def swim_step(self) -> TruthBlock:
         """Integrate to the next guidance tick (0.2 s) and return the truth in between."""
-        self._select_segments()
-        segment = tuple(self._segments[self._index].T)
-        error = tuple(self._error.T)
-        first_sample = self._step * self._parts + 1
-        state = self._state
-        derivative = self._rates(state, self._rows[2 * self._step], segment, error)  # type: ignore[arg-type]
-        states, derivatives = [state], [derivative]
-        for _ in range(self._steps_per_tick):
-            middle, end = self._rows[2 * self._step + 1], self._rows[2 * self._step + 2]
-            state, derivative = self._advance(state, derivative, middle, end, segment, error)  # type: ignore[arg-type]
-            states.append(state)
-            derivatives.append(derivative)
-            self._step += 1
-        self._state = state
-        joints, slopes = (np.moveaxis(np.array(values), 2, 1) for values in (states, derivatives))
+        estimated = (self.state[:, :2] - self._error[:, :2]).tolist()
+        for run, place in enumerate(estimated):
+            self._index[run] = next_segment(self._guides, int(self._index[run]), *place)
+        segment = tuple(np.array(self._guides)[self._index].T)
+        first_sample = self._run.step * self._parts + 1
+        parts = self._run.tick(segment, tuple(self._error.T))  # type: ignore[arg-type]
+        joints, slopes = (np.moveaxis(np.array(part), 2, 1) for part in parts)
         samples = sampled(joints, slopes, self._step_s, self._parts)[1:]
         return self._block(np.moveaxis(samples, 0, 1), first_sample)
-
-    def _select_segments(self) -> None:
-        estimated = self.state[:, :2] - self._error[:, :2]
-        for run in range(self.runs):
-            north, east = float(estimated[run, 0]), float(estimated[run, 1])
-            self._index[run] = next_segment(self._guides, int(self._index[run]), north, east)
 
     def _block(self, samples: FloatArray, first_sample: int) -> TruthBlock:
         count = samples.shape[1]

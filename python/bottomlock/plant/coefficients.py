@@ -1,7 +1,7 @@
 """Types of the coefficients in a vehicle file: a value, its unit, and its source.
 
 In the file every coefficient is an inline table `{ value = 20, unit = "deg", source = "..." }`. The types below check
-the unit against the dimension that the model needs, and convert the value to a float in SI.
+the unit against the one that the model needs, and convert the value to a float in SI.
 """
 
 import math
@@ -14,47 +14,25 @@ from pydantic_core import CoreSchema, core_schema
 _DEGREE = math.pi / 180.0
 _RPM = 1.0 / 60.0
 
-UNITS: dict[str, dict[str, float]] = {
-    "number": {"1": 1.0, "percent": 0.01},
-    "length": {"m": 1.0, "mm": 1e-3},
-    "area": {"m2": 1.0, "cm2": 1e-4},
-    "volume": {"m3": 1.0, "l": 1e-3},
-    "mass": {"kg": 1.0},
-    "added mass moment": {"kg m": 1.0},
-    "inertia": {"kg m2": 1.0},
-    "density": {"kg/m3": 1.0},
-    "quadratic drag": {"kg/m": 1.0},
-    "quadratic rotary drag": {"kg m2": 1.0},
-    "angle": {"rad": 1.0, "deg": _DEGREE},
-    "angular rate": {"rad/s": 1.0, "deg/s": _DEGREE},
-    "slope per angle": {"1/rad": 1.0, "1/deg": 1.0 / _DEGREE},
-    "shaft speed": {"rev/s": 1.0, "rpm": _RPM},
-    "shaft acceleration": {"rev/s2": 1.0, "rpm/s": _RPM},
-    "speed": {"m/s": 1.0},
-    "time": {"s": 1.0},
-    "per time": {"1/s": 1.0},
-    "per time squared": {"1/s2": 1.0},
-    "fin angle per angle": {"1": 1.0},
-    "fin angle per angle second": {"1/s": 1.0},
-    "fin angle per angular rate": {"s": 1.0},
-    "shaft speed per speed": {"rev/m": 1.0},
-    "shaft speed per distance": {"rev/(m s)": 1.0},
-    "shaft speed per acceleration": {"rev s/m": 1.0},
-    "force": {"N": 1.0},
-    "moment": {"N m": 1.0},
-    "force per speed": {"N s/m": 1.0},
-    "force per distance": {"N/m": 1.0},
-    "moment per angle": {"N m/rad": 1.0},
-    "moment per angle second": {"N m/(rad s)": 1.0},
-    "moment per angular rate": {"N m s/rad": 1.0},
+OTHER_UNITS: dict[str, dict[str, float]] = {
+    "1": {"percent": 0.01},
+    "m": {"mm": 1e-3},
+    "m2": {"cm2": 1e-4},
+    "m3": {"l": 1e-3},
+    "rad": {"deg": _DEGREE},
+    "rad/s": {"deg/s": _DEGREE},
+    "1/rad": {"1/deg": 1.0 / _DEGREE},
+    "rev/s": {"rpm": _RPM},
+    "rev/s2": {"rpm/s": _RPM},
 }
+"""What may be written in place of an SI unit, with the factor to it."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """The check of a coefficient: its dimension, and its bounds in SI."""
+    """The check of a coefficient: its SI unit, and its bounds in that unit."""
 
-    dimension: str
+    unit: str
     minimum: float | None = None
     exclusive: bool = False
     maximum: float | None = None
@@ -62,7 +40,7 @@ class Check:
     @property
     def units(self) -> dict[str, float]:
         """The units that are read, and their factors to SI."""
-        return UNITS[self.dimension]
+        return {self.unit: 1.0} | OTHER_UNITS.get(self.unit, {})
 
     @property
     def range(self) -> str:
@@ -114,60 +92,56 @@ def _value_and_unit(entry: object, check: Check) -> tuple[float, str]:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError(f"value {value!r} is not a finite number")
     if unit not in check.units:
-        raise ValueError(
-            f"unit '{unit}' is not a unit of {check.dimension}; expected {' or '.join(check.units)}"
-        )
+        raise ValueError(f"unit '{unit}' is not one of this coefficient, expected {' or '.join(check.units)}")
     if not isinstance(source, str) or not source.strip():
         raise ValueError("'source' is empty, expected the origin of the value")
     return float(value), unit
 
 
-def _positive(dimension: str, maximum: float | None = None) -> Check:
-    return Check(dimension, 0.0, exclusive=True, maximum=maximum)
+def _positive(unit: str, maximum: float | None = None) -> Check:
+    return Check(unit, 0.0, exclusive=True, maximum=maximum)
 
 
-def _not_negative(dimension: str, maximum: float | None = None) -> Check:
-    return Check(dimension, 0.0, maximum=maximum)
+def _not_negative(unit: str, maximum: float | None = None) -> Check:
+    return Check(unit, 0.0, maximum=maximum)
 
 
-Number = Annotated[float, Check("number")]
-PositiveNumber = Annotated[float, _positive("number")]
-NotNegativeNumber = Annotated[float, _not_negative("number")]
-Fraction = Annotated[float, _not_negative("number", maximum=1.0)]
-Length = Annotated[float, Check("length")]
-PositiveLength = Annotated[float, _positive("length")]
-PositiveArea = Annotated[float, _positive("area")]
-PositiveVolume = Annotated[float, _positive("volume")]
-Mass = Annotated[float, Check("mass")]
-PositiveMass = Annotated[float, _positive("mass")]
-AddedMassMoment = Annotated[float, Check("added mass moment")]
-Inertia = Annotated[float, Check("inertia")]
-PositiveInertia = Annotated[float, _positive("inertia")]
-PositiveDensity = Annotated[float, _positive("density")]
-QuadraticDrag = Annotated[float, _not_negative("quadratic drag")]
-RotaryDrag = Annotated[float, _not_negative("quadratic rotary drag")]
-Angle = Annotated[float, Check("angle")]
-PositiveAngle = Annotated[float, _positive("angle", maximum=math.pi)]
-PositiveAngularRate = Annotated[float, _positive("angular rate")]
-PositiveSlope = Annotated[float, _positive("slope per angle")]
-PositiveShaftSpeed = Annotated[float, _positive("shaft speed")]
-PositiveShaftAcceleration = Annotated[float, _positive("shaft acceleration")]
-PositiveSpeed = Annotated[float, _positive("speed")]
-PositiveTime = Annotated[float, _positive("time")]
-PerTime = Annotated[float, _positive("per time")]
-PerTimeSquared = Annotated[float, _positive("per time squared")]
-FinPerAngle = Annotated[float, _positive("fin angle per angle")]
-FinPerAngleSecond = Annotated[float, _positive("fin angle per angle second")]
-FinPerRate = Annotated[float, _not_negative("fin angle per angular rate")]
-ShaftPerSpeed = Annotated[float, _positive("shaft speed per speed")]
-ShaftPerDistance = Annotated[float, _positive("shaft speed per distance")]
-ShaftPerAcceleration = Annotated[float, _not_negative("shaft speed per acceleration")]
-PositiveForce = Annotated[float, _positive("force")]
-PositiveMoment = Annotated[float, _positive("moment")]
-LinearDrag = Annotated[float, _not_negative("force per speed")]
-LinearRotaryDrag = Annotated[float, _not_negative("moment per angular rate")]
-ForcePerSpeed = Annotated[float, _positive("force per speed")]
-ForcePerDistance = Annotated[float, _positive("force per distance")]
-MomentPerAngle = Annotated[float, _positive("moment per angle")]
-MomentPerAngleSecond = Annotated[float, _positive("moment per angle second")]
-MomentPerRate = Annotated[float, _positive("moment per angular rate")]
+Number = Annotated[float, Check("1")]
+PositiveNumber = Annotated[float, _positive("1")]
+NotNegativeNumber = Annotated[float, _not_negative("1")]
+Fraction = Annotated[float, _not_negative("1", maximum=1.0)]
+Length = Annotated[float, Check("m")]
+PositiveLength = Annotated[float, _positive("m")]
+PositiveArea = Annotated[float, _positive("m2")]
+PositiveVolume = Annotated[float, _positive("m3")]
+Mass = Annotated[float, Check("kg")]
+PositiveMass = Annotated[float, _positive("kg")]
+AddedMassMoment = Annotated[float, Check("kg m")]
+Inertia = Annotated[float, Check("kg m2")]
+PositiveInertia = Annotated[float, _positive("kg m2")]
+PositiveDensity = Annotated[float, _positive("kg/m3")]
+QuadraticDrag = Annotated[float, _not_negative("kg/m")]
+RotaryDrag = Annotated[float, _not_negative("kg m2")]
+Angle = Annotated[float, Check("rad")]
+PositiveAngle = Annotated[float, _positive("rad", maximum=math.pi)]
+PositiveAngularRate = Annotated[float, _positive("rad/s")]
+PositiveSlope = Annotated[float, _positive("1/rad")]
+PositiveShaftSpeed = Annotated[float, _positive("rev/s")]
+PositiveShaftAcceleration = Annotated[float, _positive("rev/s2")]
+PositiveSpeed = Annotated[float, _positive("m/s")]
+PositiveTime = Annotated[float, _positive("s")]
+PerTime = Annotated[float, _positive("1/s")]
+PerTimeSquared = Annotated[float, _positive("1/s2")]
+FinPerRate = Annotated[float, _not_negative("s")]
+ShaftPerSpeed = Annotated[float, _positive("rev/m")]
+ShaftPerDistance = Annotated[float, _positive("rev/(m s)")]
+ShaftPerAcceleration = Annotated[float, _not_negative("rev s/m")]
+PositiveForce = Annotated[float, _positive("N")]
+PositiveMoment = Annotated[float, _positive("N m")]
+LinearDrag = Annotated[float, _not_negative("N s/m")]
+LinearRotaryDrag = Annotated[float, _not_negative("N m s/rad")]
+ForcePerSpeed = Annotated[float, _positive("N s/m")]
+ForcePerDistance = Annotated[float, _positive("N/m")]
+MomentPerAngle = Annotated[float, _positive("N m/rad")]
+MomentPerAngleSecond = Annotated[float, _positive("N m/(rad s)")]
+MomentPerRate = Annotated[float, _positive("N m s/rad")]

@@ -58,15 +58,14 @@ def added_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
 
 
 def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
-    """Rotation matrix of a unit quaternion (scalar first): platform vectors to tangent."""
-    w, x, y, z = quaternion_t_p
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), scalar first: platform vectors to tangent."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion_t_p), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:

@@ -1,16 +1,20 @@
-"""The coefficients of a vehicle that thrusters move in every direction, such as an ROV.
+"""The coefficients of a vehicle that thrusters move in every direction, such as an ROV, and reading of any vehicle.
 
 SNAME notation in the platform frame (FRD) with its origin at the centre of buoyancy; all fields are SI floats.
 """
 
-from typing import Self, TypeAlias
+from pathlib import Path
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from pydantic import model_validator
 
+from bottomlock.config.packaged import packaged_names, text_of
+from bottomlock.config.toml_file import parse_toml
+from bottomlock.config.validation import checked
 from bottomlock.plant import coefficients as coef
 from bottomlock.plant.maths import FloatArray
-from bottomlock.plant.vehicle import AddedMass, Limits, RigidBody, Table, Vehicle, Water, check_body
+from bottomlock.plant.vehicle import AddedMass, Guidance, Limits, RigidBody, Table, Vehicle, Water, check_body
 
 
 class Damping(Table):
@@ -117,17 +121,6 @@ class HoveringAutopilot(Table):
         return self.surge, self.sway, self.heave, self.roll, self.pitch, self.yaw
 
 
-class HoveringGuidance(Table):
-    """Line-of-sight look-ahead, target approach speed, and the gain from depth error to sink rate."""
-
-    look_ahead: coef.PositiveLength
-    """look-ahead of line-of-sight guidance"""
-    approach_speed: coef.PositiveSpeed
-    """greatest approach speed of constant-bearing guidance"""
-    depth_gain: coef.PerTime
-    """sink rate for each metre of depth error"""
-
-
 class HoveringVehicle(Table):
     """Every coefficient of a vehicle that thrusters move in every direction, SI; see `load_vehicle`."""
 
@@ -142,7 +135,7 @@ class HoveringVehicle(Table):
     added_mass: AddedMass
     thrusters: Thrusters
     autopilot: HoveringAutopilot
-    guidance: HoveringGuidance
+    guidance: Guidance
     limits: Limits
 
     @model_validator(mode="after")
@@ -167,3 +160,31 @@ class HoveringVehicle(Table):
 
 
 AnyVehicle: TypeAlias = Vehicle | HoveringVehicle
+
+
+def packaged_vehicles() -> list[str]:
+    """Names of the vehicles that ship with the package, sorted."""
+    return packaged_names("vehicles")
+
+
+def load_vehicle(name_or_path: str | Path) -> AnyVehicle:
+    """Read and check a vehicle: a packaged name such as `tauv`, or a path to a TOML file.
+
+    Raises:
+        ScenarioError: naming table and coefficient, for one that is missing, has a wrong unit or is unphysical.
+
+    >>> load_vehicle("tauv").limits.cruise_speed
+    2.0
+    """
+    text, place = text_of("vehicle", name_or_path)
+    return parse_vehicle(parse_toml(text, place=place, kind="vehicle"), place)
+
+
+def parse_vehicle(tables: dict[str, Any], place: str) -> AnyVehicle:
+    """Check vehicle tables already read from TOML; with `[thrusters]` they are those of a hovering vehicle.
+
+    Raises:
+        ScenarioError: with every fault found.
+    """
+    kind: type[AnyVehicle] = HoveringVehicle if "thrusters" in tables else Vehicle
+    return checked(kind, tables, place)

@@ -12,9 +12,16 @@ from typing import TypeAlias
 
 import numpy as np
 
-from bottomlock.plant.autopilot import Motion, Wanted, fin_steering, thruster_steering
+from bottomlock.plant.control import (
+    Motion,
+    Segment,
+    Wanted,
+    constant_bearing,
+    fin_steering,
+    line_of_sight,
+    thruster_steering,
+)
 from bottomlock.plant.equations import acceleration, to_platform, to_tangent
-from bottomlock.plant.guidance import Segment, constant_bearing, line_of_sight
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import ARRAY, FloatArray, Four, Maths, Number, Three
 from bottomlock.plant.mission import Mission

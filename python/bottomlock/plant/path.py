@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.guidance import offset_and_heading
+from bottomlock.plant.control import offset_and_heading
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 
 _BLEND_M = 2.0

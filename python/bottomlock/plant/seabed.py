@@ -1,5 +1,6 @@
 """The seabed below the vehicle: flat, sloped or gridded; range and incidence of every beam of every ping."""
 
+import math
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from bottomlock.config.mission_sections import AnySeabed, FlatSeabedTable, RollingSeabedTable
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
 from bottomlock.plant.equations import rotation_t_p
@@ -182,6 +184,20 @@ def load_grid(path: Path) -> GridSeabed:
     return GridSeabed(**tables)
 
 
+def seabed_from_table(read: AnySeabed) -> Seabed:
+    """The seabed of a section [seabed].
+
+    Raises:
+        ScenarioError: for a grid that cannot be read.
+    """
+    if isinstance(read, FlatSeabedTable):
+        north, east = (math.tan(math.radians(slope)) for slope in (read.slope_north_deg, read.slope_east_deg))
+        return PlaneSeabed(read.depth_m, north, east)
+    if isinstance(read, RollingSeabedTable):
+        return rolling_seabed(**read.model_dump(exclude={"kind"}))
+    return load_grid(read.path)
+
+
 @dataclass(frozen=True)
 class Footprints:
     """Where beams meet the bottom: range (E, B), m, and angle of incidence (E, B), rad; NaN without a bottom."""
@@ -208,7 +224,7 @@ def footprints(
     arms = (
         np.zeros_like(directions) if lever_arms_p_m is None else np.asarray(lever_arms_p_m, dtype=np.float64)
     )
-    rotation = np.moveaxis(rotation_t_p(np.asarray(attitude_t_p).T), -1, 0)
+    rotation = rotation_t_p(attitude_t_p)
     rays = np.einsum("eij,bj->ebi", rotation, directions)
     origins = np.asarray(position_t_m)[:, None, :] + np.einsum("eij,bj->ebi", rotation, arms)
     reach, cosine = seabed.intersect(origins, rays)

@@ -97,8 +97,7 @@ def magnetic_heading_error_rad(
     The field in the platform frame is distorted by soft and hard iron and levelled with the true roll and pitch; its
     horizontal component is taken as magnetic north, and the assumed declination is added.
     """
-    attitude = np.asarray(attitude_t_p, dtype=np.float64)
-    rotation = np.moveaxis(rotation_t_p(attitude.T), -1, 0)
+    rotation = rotation_t_p(attitude_t_p)
     soft, hard = np.array(compass.soft_iron), np.array(compass.hard_iron_nt)
     field_p = np.einsum("nji,j->ni", rotation, field.vector_t_nt)
     measured_p = field_p @ soft.T + hard

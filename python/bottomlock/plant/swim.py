@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, Generic, TypeAlias
 
 import numpy as np
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
-from bottomlock.plant.guidance import Segment
+from bottomlock.plant.control import Segment
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import SCALAR, FloatArray, IntArray, Maths, Number
 from bottomlock.plant.mission import Mission
@@ -96,6 +96,55 @@ TICK_S = 0.2
 NO_ERROR = (0.0,) * 9
 
 
+def steps_per_tick(step_s: float) -> int:
+    """Steps between two ticks."""
+    return max(1, round(TICK_S / step_s))
+
+
+class Integration(Generic[Number]):
+    """The equations of motion over a mission, tick by tick: of one vehicle (floats), or of many (arrays).
+
+    Attributes:
+        state: the present state, in the layout of `model`.
+        slope: its derivative; empty where it must be computed, as after a jump of the navigation error.
+        step: how many steps are done, of `steps`.
+    """
+
+    def __init__(
+        self,
+        vehicle: AnyVehicle,
+        mission: Mission,
+        maths: Maths[Number],
+        state: list[Number],
+        *,
+        gravity_mps2: float,
+        step_s: float,
+        steps: int,
+    ) -> None:
+        self.state: list[Number] = state
+        self.slope: list[Number] = []
+        self.step, self.steps, self._per_tick = 0, steps, steps_per_tick(step_s)
+        times = 0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64)
+        self._rows: list[list[Any]] = mission.timetable(times).tolist()
+        self._rates: Derivative[Number] = model.derivative(vehicle, mission, maths, gravity_mps2)
+        self._advance: Step[Number] = stepper(self._rates, maths, step_s)
+
+    def tick(
+        self, segment: Segment[Number], error: Error[Number]
+    ) -> tuple[list[list[Number]], list[list[Number]]]:
+        """Integrate to the next tick; states and derivatives at the joints of the steps, from the present one on."""
+        slope = self.slope or self._rates(self.state, self._rows[2 * self.step], segment, error)
+        states, slopes = [self.state], [slope]
+        for step in range(self.step, min(self.step + self._per_tick, self.steps)):
+            middle, end = self._rows[2 * step + 1 : 2 * step + 3]
+            state, slope = self._advance(states[-1], slopes[-1], middle, end, segment, error)
+            states.append(state)
+            slopes.append(slope)
+        self.state, self.slope = states[-1], slopes[-1]
+        self.step += len(states) - 1
+        return states, slopes
+
+
 @dataclass(frozen=True)
 class StateHistory:
     """A vehicle's whole state at the sample times.
@@ -137,27 +186,22 @@ def swim(
     step_s = samples_per_step / (steps_per_sample * imu_rate_hz)
     count = round(mission.duration_s * imu_rate_hz)
     steps = -(-count * steps_per_sample // samples_per_step)
-    ticks = max(1, round(TICK_S / step_s))
-    table = mission.timetable(0.5 * step_s * np.arange(2 * steps + 1, dtype=np.float64))
-    rows = table.tolist()
-    rates = model.derivative(vehicle, mission, SCALAR, gravity_mps2)
-    step = stepper(rates, SCALAR, step_s)
-    state = start_state(vehicle, mission, gravity_mps2)
-    guides = guide_rows(mission.segments)
-    index = next_segment(guides, 0, state[0], state[1])
-    segment = guides[index]
-    derivative = rates(state, rows[0], segment, NO_ERROR)
-    states, derivatives, indices = [state], [derivative], [index]
-    for number in range(steps):
-        middle, end = rows[2 * number + 1], rows[2 * number + 2]
-        state, derivative = step(state, derivative, middle, end, segment, NO_ERROR)
-        if (number + 1) % ticks == 0:
-            index = next_segment(guides, index, state[0], state[1])
-            segment = guides[index]
-        states.append(state)
-        derivatives.append(derivative)
-        indices.append(index)
-    every = sampled(np.array(states), np.array(derivatives), step_s, samples_per_step)
+    start = start_state(vehicle, mission, gravity_mps2)
+    run = Integration(vehicle, mission, SCALAR, start, gravity_mps2=gravity_mps2, step_s=step_s, steps=steps)
+    guides, index = guide_rows(mission.segments), 0
+    states: list[list[float]] = []
+    slopes: list[list[float]] = []
+    indices: list[int] = []
+    while run.step < steps:
+        index = next_segment(guides, index, run.state[0], run.state[1])
+        joints, rates = run.tick(guides[index], NO_ERROR)
+        states += joints[:-1]
+        slopes += rates[:-1]
+        indices += [index] * (len(joints) - 1)
+    states.append(run.state)
+    slopes.append(run.slope)
+    indices.append(index)
+    every = sampled(np.array(states), np.array(slopes), step_s, samples_per_step)
     samples = every[::steps_per_sample][: count + 1]
     inputs = mission.timetable(np.arange(count + 1) / imu_rate_hz)
     return StateHistory(

@@ -9,7 +9,7 @@ from scipy.optimize import root
 
 from bottomlock.errors import ScenarioError
 from bottomlock.plant import model
-from bottomlock.plant.autopilot import fin_mixing
+from bottomlock.plant.control import fin_mixing
 from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.maths import ARRAY, SCALAR, FloatArray

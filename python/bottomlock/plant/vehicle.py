@@ -204,9 +204,9 @@ class Propeller(Table):
 class AttitudePid(Table):
     """A PID from an angle error to an equivalent fin angle at cruise speed."""
 
-    proportional: coef.FinPerAngle
+    proportional: coef.PositiveNumber
     """fin angle for each angle of error, at cruise speed"""
-    integral: coef.FinPerAngleSecond
+    integral: coef.PerTime
     """fin angle for each angle and second of error"""
     derivative: coef.FinPerRate
     """fin angle for each rate of error"""
@@ -244,15 +244,20 @@ class Autopilot(Table):
     speed: SpeedPid
 
 
-class GuidanceGains(Table):
-    """Line-of-sight look-ahead, target approach speed, depth loop and crab-angle filter."""
+class Guidance(Table):
+    """Line-of-sight look-ahead, target approach speed, and the gain from depth error to sink rate."""
 
     look_ahead: coef.PositiveLength
     """distance ahead on the path that is steered for"""
     approach_speed: coef.PositiveSpeed
-    """speed at which a moving target is closed with"""
+    """greatest speed at which a moving target is closed with"""
     depth_gain: coef.PerTime
     """sink rate for each error of depth"""
+
+
+class GuidanceGains(Guidance):
+    """Guidance of a vehicle that dives by pitch: depth loop and crab-angle filter as well."""
+
     depth_integral: coef.PerTimeSquared
     """sink rate for each error of depth and second"""
     max_pitch: coef.PositiveAngle

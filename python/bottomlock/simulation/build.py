@@ -14,11 +14,10 @@ from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
 from bottomlock.own_method import in_this_process_alone, source_of
 from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
-from bottomlock.plant.current import Current
-from bottomlock.plant.seabed import GridSeabed, Seabed
+from bottomlock.plant.mission import Current, current_from_table, mission_from_table
+from bottomlock.plant.seabed import GridSeabed, Seabed, seabed_from_table
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
-from bottomlock.plant.tables import current_from_table, mission_from_table, seabed_from_table
 from bottomlock.plant.trim import check_stability
 from bottomlock.simulation.own_path import own_path, with_path
 from bottomlock.truth.analytic import analytic_truth

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock import kernel
+from bottomlock.config.scenario_sections import AltitudeLoss, Dropout
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
-from bottomlock.plant.beam_loss import altitude_loss, combine, markov_valid, replayed, returning, scheduled
+from bottomlock.plant.beam_loss import combine, markov_valid, replayed, returning, scheduled
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation
@@ -156,19 +157,23 @@ class MeasurementSchedule:
     def _unconditional(self, trajectory_key: int, first_run: int, runs: int) -> NDArray[np.bool_]:
         """Validity apart from the vehicle's motion: (epochs, beams), or (runs, epochs, beams) where it is random."""
         dvl, times = self._simulation.scenario.dvl, self._times["dvl"]
-        key = {
-            "seed": self._simulation.scenario.campaign.seed,
-            "trajectory_key": trajectory_key,
-            "first_run": first_run,
-            "runs": runs,
-        }
         rules = [scheduled(times, dvl.beams, dvl.beams_lost, dvl.outages)]
         if self._simulation.recorded is not None:
             rules.append(replayed(times, *self._simulation.recorded))
-        if dvl.dropouts:
-            rules.append(markov_valid(times, dvl.beams, dvl.dropouts, **key))
+        losses: list[Dropout | AltitudeLoss] = [*dvl.dropouts]
         if dvl.altitude_loss is not None:
-            rules.append(altitude_loss(times, dvl.beams, dvl.altitude_loss, **key))
+            losses.append(dvl.altitude_loss)
+        if losses:
+            random = markov_valid(
+                times,
+                dvl.beams,
+                losses,
+                seed=self._simulation.scenario.campaign.seed,
+                trajectory_key=trajectory_key,
+                first_run=first_run,
+                runs=runs,
+            )
+            rules.append(random)
         return combine(*rules)
 
     def _footprints(

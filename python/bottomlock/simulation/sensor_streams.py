@@ -8,7 +8,7 @@ import polars as pl
 from bottomlock import kernel
 from bottomlock.config.sensors import SENSORS, Simulated, WaterTrack
 from bottomlock.plant.beam_loss import noisy_ranges
-from bottomlock.plant.telemetry import euler_rad
+from bottomlock.plant.flight import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.truth.truth import Truth
