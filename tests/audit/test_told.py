@@ -16,6 +16,7 @@ from bottomlock.audit.logs import Reference, read_log, read_reference
 from bottomlock.audit.page import closure_figure, geometry_figure, page_of
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.errors import DataError
+from bottomlock.figures.drawing import on_paper
 from bottomlock.io.beams import Columns
 from bottomlock.pages.page import Table
 from bottomlock.recordings.finding import Finding
@@ -208,7 +209,7 @@ def test_the_figures_show_what_was_estimated() -> None:
         assert point.get_marker() == ("x" if k == 2 else "o")
     closure = closure_figure(audit)
     assert closure is not None
-    axes = closure.axes[0]
+    axes = on_paper(closure).axes[0]
     counts = [bar.get_height() for bar in axes.patches if isinstance(bar, Rectangle)]
     (gaussian,) = axes.lines
     assert sum(counts) == log.pings

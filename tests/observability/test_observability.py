@@ -10,6 +10,7 @@ import pytest
 
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
+from bottomlock.figures.drawing import on_paper
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability.analysis import Aiding, Finding, deviations, observe
@@ -218,7 +219,7 @@ def test_the_figure_has_every_state_once(eight: Truth) -> None:
     title, yaw = shown["yaw"]
     assert title == "misalignment, °"
     np.testing.assert_allclose(np.deg2rad(yaw.value), history.sd[:, history.states.index("yaw")], rtol=1e-12)
-    assert len(deviation_figure(history, title="x").axes) == len(panels) == 7
+    assert len(on_paper(deviation_figure(history, title="x")).axes) == len(panels) == 7
 
 
 def test_a_scenario_that_nothing_aids_is_refused(tmp_path: Path) -> None:

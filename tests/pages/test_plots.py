@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bottomlock.figures.series import Curve, Floats, Panel, Track, View, frame_of
-from bottomlock.pages.plots import BUCKETS, FEWEST, MISSING, Choice, Plots, is_utc
+from bottomlock.figures.series import Curve, Figure, Floats, Panel, Track, frame_of, is_utc
+from bottomlock.pages.plots import BUCKETS, FEWEST, MISSING, Choice, Plots
 
 START_NS = 1_767_225_610 * 10**9
 
@@ -28,15 +28,16 @@ def unpacked(content: dict[str, Any], index: int) -> Floats:
 def plots(*, curves: int = 1, points: int = 400, views: int = 1, label: str = "tc") -> Plots:
     rng = np.random.default_rng(5)
     time_ns = START_NS + np.arange(points) * 50_000_000
-    made: dict[tuple[str, ...], View] = {}
+    made: dict[tuple[str, ...], Figure] = {}
     for number in range(views):
         drawn = [
             Curve(label, "#9233d2", time_ns, rng.standard_normal(points), sd=np.full(points, 0.25))
             for _ in range(curves)
         ]
         track = Track(label, "#9233d2", time_ns, np.cumsum(rng.standard_normal(points)), np.zeros(points))
-        made[(str(number),)] = View([Panel("surge, m/s", drawn, decimals=3)], [track], frame_of([track]))
-    return Plots("A dive", [Choice("Case", [key for (key,) in made], "0")], made, START_NS)
+        panel = Panel("surge, m/s", drawn, decimals=3)
+        made[(str(number),)] = Figure("", [panel], START_NS, tracks=[track], frame=frame_of([track]))
+    return Plots("A dive", [Choice("Case", [key for (key,) in made], "0")], made)
 
 
 def test_arrays_come_back_within_their_rounding() -> None:

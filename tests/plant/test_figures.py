@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.figures.drawing import on_paper
 from bottomlock.figures.flight import flight_figure, flight_panels
 from bottomlock.plant import Flight, telemetry
 
@@ -21,7 +22,7 @@ def test_a_flight_is_drawn_as_it_was_flown(flights: dict[str, Flight]) -> None:
     np.testing.assert_array_equal(curves["actual"].value, frame["depth_m"])
     np.testing.assert_allclose(np.deg2rad(curves["sideslip"].value), frame["sideslip_rad"], rtol=1e-12)
     np.testing.assert_allclose(np.deg2rad(curves["3"].value), frame["fin_3_rad"], rtol=1e-12)
-    assert len(flight_figure(frame, beams).axes) == len(panels)
+    assert len(on_paper(flight_figure(frame, beams)).axes) == len(panels)
     over_a_seabed = beams.with_columns(pl.lit(20.0).alias(f"beam{k}_range_m") for k in range(1, 5))
     (ranges,) = (panel for panel in flight_panels(frame, over_a_seabed) if panel.title == "range, m")
     assert [curve.value.max() for curve in ranges.curves] == [20.0] * 4

@@ -38,7 +38,7 @@ def test_curves_draw_points_of_the_panels(drawn: dict[str, Drawing], tables: Rep
         shown = points(axes)
         assert len(shown) >= 2
         known = pl.concat(
-            pl.DataFrame({"time": curve.time_ns / DAY_NS, "value": curve.value}) for curve in panel.curves
+            pl.DataFrame({"time": curve.x / DAY_NS, "value": curve.value}) for curve in panel.curves
         )
         assert held(shown, known["time"], known["value"]) == 1.0
 
@@ -48,7 +48,7 @@ def test_nis_and_innovations_draw_points_of_the_table(
 ) -> None:
     nis = nis_panel(tables.innovations, tables.manifest["methods"], 1.0)
     (axes,) = drawn["nis_recorded"].figure.axes
-    known = pl.concat(pl.DataFrame({"time": one.time_ns / DAY_NS, "ratio": one.value}) for one in nis.curves)
+    known = pl.concat(pl.DataFrame({"time": one.x / DAY_NS, "ratio": one.value}) for one in nis.curves)
     assert held(points(axes), known["time"], known["ratio"]) == 1.0
     assert nis.band is not None
     assert nis.band[0] < 1.0 < nis.band[1]

@@ -9,6 +9,7 @@ import pytest
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.figures.drawing import on_paper
 from bottomlock.pages.page import Pictures, html
 from bottomlock.statistics.chi_squared import family_band, verdict
 from bottomlock.studies.study import Cell, cells, study
@@ -137,7 +138,7 @@ def test_the_figure_has_a_point_a_cell() -> None:
     rows = by_hand(velocity_rms_over_runs_lo_mps=0.5, velocity_rms_over_runs_hi_mps=20.0).with_columns(
         place="beams"
     )
-    (axes,) = figure(rows).axes
+    (axes,) = on_paper(figure(rows)).axes
     drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines if len(line.get_xdata()) == 2]  # type: ignore[arg-type]
     assert any(np.array_equal(one, [0.05, 4.25]) for one in drawn)
     assert any(np.array_equal(one, [0.05, 9.75]) for one in drawn)

@@ -6,7 +6,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import polars as pl
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Paper
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
@@ -15,8 +15,7 @@ from bottomlock.audit.matrix import azimuth, tilt
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import FAINT, INK, STYLE
-from bottomlock.figures.series import Curve, Panel, View, valid_panel
-from bottomlock.figures.timeline import timeline_figure
+from bottomlock.figures.series import Curve, Figure, Panel, valid_panel
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Pictures, Table, html
@@ -37,28 +36,23 @@ def closure_figure(audit: Audit) -> Figure | None:
     edges = np.linspace(-reach, reach, 81)
     inside, middle = np.clip(values, -reach, reach), 0.5 * (edges[1:] + edges[:-1])
     expected = norm.pdf(middle, closure.median_mps, spread) * len(values) * (edges[1] - edges[0])
-    highest = max(float(np.histogram(inside, edges)[0].max()), float(expected.max()))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.6, 3.6), layout="constrained")
-        axes = figure.add_subplot()
-        axes.hist(1e3 * inside, bins=list(1e3 * edges), color=BLUE, alpha=0.75, label="recorded")
-        label = f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s"
-        axes.plot(1e3 * middle, expected, color=INK, linewidth=1.4, label=label)
-        axes.set(
-            yscale="log", ylim=(0.5, 12.0 * highest), ylabel="pings",
-            xlabel="closure, mm/s (values beyond are counted in the outermost bars)",
-        )  # fmt: skip
-        axes.legend(loc="upper right", frameon=False, fontsize=8.5)
-    return figure
+    counts = np.histogram(inside, edges)[0].astype(np.float64)
+    label = f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s"
+    curves = [
+        Curve("recorded", BLUE, 1e3 * middle, counts, kind="bars"),
+        Curve(label, INK, 1e3 * middle, expected),
+    ]
+    x_label = "closure, mm/s (values beyond are counted in the outermost bars)"
+    return Figure("", [Panel("pings", curves, log=True, x_label=x_label)], size_in=(5.6, 3.6))
 
 
-def geometry_figure(audit: Audit) -> Figure | None:
+def geometry_figure(audit: Audit) -> Paper | None:
     """Beam directions from above: estimated as points, stated as rings; None where not observable."""
     matrix = audit.assessment.matrix
     if matrix is None or not audit.assessment.seen:
         return None
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.4, 4.4), layout="constrained")
+        figure = Paper(figsize=(4.4, 4.4), layout="constrained")
         axes = figure.add_subplot(projection="polar")
         axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
         axes.set_theta_direction(-1)  # type: ignore[attr-defined]
@@ -132,7 +126,7 @@ def plots_of(audit: Audit) -> Plots | None:
             for (name, colour), off in zip(looks, 1e3 * jumps(log.velocity_mps[full]).T, strict=True)
         ]
     panels.append(valid_panel(log.time_ns, log.valid, colours=COLOURS))
-    return Plots(CAPTION, (), {(): View(panels)}, int(log.time_ns[0]))
+    return Plots(CAPTION, (), {(): Figure(CAPTION, panels, int(log.time_ns[0]))})
 
 
 CAPTIONS = {
@@ -143,12 +137,13 @@ CAPTIONS = {
 """Caption of each figure, by its file's name."""
 
 
-def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure]:
+def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure | Paper]:
     """The figures of an audit, by name; `plots` are its curves against time."""
-    made = {"closure": closure_figure(audit), "curves": None, "geometry": geometry_figure(audit)}
-    if plots is not None:
-        panels = plots.views[()].panels
-        made["curves"] = timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=plots.caption)
+    made = {
+        "closure": closure_figure(audit),
+        "curves": None if plots is None else plots.first,
+        "geometry": geometry_figure(audit),
+    }
     return {name: figure for name, figure in made.items() if figure is not None}
 
 

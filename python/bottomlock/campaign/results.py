@@ -132,17 +132,16 @@ class Results(CampaignResults):
 
     def _plot(self, quantity: str, trajectory: str | None, axes: "Axes | None") -> "Axes":
         # Campaigns on a cluster draw nothing.
-        from bottomlock.figures import curves  # noqa: PLC0415
-        from bottomlock.figures.palette import shown_axes  # noqa: PLC0415
+        from bottomlock.figures import campaign, drawing  # noqa: PLC0415
+        from bottomlock.figures.series import Figure  # noqa: PLC0415
 
         name = self._known(trajectory)
         if quantity == "nees":
-            shown = curves.nees_of(self.ensemble, self.consistency, name)
+            panel = campaign.nees_of(self.ensemble, self.consistency, name)
         else:
-            shown = curves.errors_of(self.ensemble, name, quantity)
-        axes = shown_axes(curves.place_of(curves.HALF), size_in=curves.HALF) if axes is None else axes
-        curves.draw(axes, shown)
-        return axes
+            panel = campaign.errors_of(self.ensemble, name, quantity)
+        figure = Figure("", [panel], size_in=campaign.HALF)
+        return drawing.shown(figure, None if axes is None else [axes])[0]
 
     def _known(self, trajectory: str | None) -> str:
         known = self.trajectories

@@ -15,6 +15,7 @@ from bottomlock.cli.parameters import check_option
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
+from bottomlock.figures.drawing import on_paper
 from bottomlock.figures.flight import flight_figure
 from bottomlock.figures.palette import figure_files
 from bottomlock.figures.paths import path_figure
@@ -94,8 +95,8 @@ def _of_vehicle(simulation: Simulation, sensors: int | None, *, dry_run: bool) -
         beams = _beams(simulation, flight.truth)
         files = _files(simulation, flight.truth, beams, sensors)
         files[f"{name}_telemetry.parquet"] = parquet_bytes(frame)
-        files |= figure_files(path_figure(frame, name), f"{name}_path")
-        files |= figure_files(flight_figure(frame, beams), f"{name}_motion")
+        files |= figure_files(on_paper(path_figure(frame, name)), f"{name}_path")
+        files |= figure_files(on_paper(flight_figure(frame, beams)), f"{name}_motion")
     legs = frame.filter("leg") if frame["leg"].any() else frame
     cross_track_rms_m = float(rms(legs["cross_track_m"].to_numpy()))
     speed, sway = (frame[f"{part}_mps"].to_numpy() for part in ("speed", "sway"))

@@ -2,11 +2,9 @@
 
 import numpy as np
 import polars as pl
-from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import FAINT
-from bottomlock.figures.series import BEAM_COLOURS, Curve, Panel, valid_panel
-from bottomlock.figures.timeline import timeline_figure
+from bottomlock.figures.series import BEAM_COLOURS, Curve, Figure, Panel, valid_panel
 
 _FIRST, _SECOND = BEAM_COLOURS[:2]
 
@@ -14,8 +12,7 @@ _FIRST, _SECOND = BEAM_COLOURS[:2]
 def flight_figure(telemetry: pl.DataFrame, beams: pl.DataFrame) -> Figure:
     """The panels of a flight above one another, under the trajectory's name."""
     title = str(telemetry["trajectory"][0]).replace("_", " ")
-    panels = flight_panels(telemetry, beams)
-    return timeline_figure(panels, int(telemetry["time_ns"][0]), utc=False, title=title)
+    return Figure(title, flight_panels(telemetry, beams), int(telemetry["time_ns"][0]))
 
 
 def flight_panels(telemetry: pl.DataFrame, beams: pl.DataFrame) -> list[Panel]:
@@ -39,7 +36,7 @@ def flight_panels(telemetry: pl.DataFrame, beams: pl.DataFrame) -> list[Panel]:
         curve("angle of attack", "angle_of_attack_rad", _SECOND, scale=degrees),
     ]
     return [
-        Panel("depth, m", [wanted, curve("actual", "depth_m", _FIRST)]),
+        Panel("depth, m", [wanted, curve("actual", "depth_m", _FIRST)], downwards=True),
         Panel("speed, m/s", [curve("over ground", "speed_mps", _FIRST)]),
         Panel("flow angles, °", flow, decimals=1),
         _drives(telemetry),

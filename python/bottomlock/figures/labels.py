@@ -1,41 +1,46 @@
 """Names at the ends of lines, moved apart so that none overlaps another."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bottomlock.figures.palette import marks, stroke
+from bottomlock.figures.palette import marks
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a figure, for all methods that coincide on it; `x` and `y` have one shape."""
+    """One line of a figure, for all methods that coincide on it; `x` and `y` have one shape, `colour` is its name's."""
 
     methods: tuple[str, ...]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    colour: str
 
 
-def coincident(lines: dict[str, NDArray[np.float64]], tolerance: float = 1e-4) -> list[tuple[str, ...]]:
-    """Methods grouped where their lines agree to `tolerance`, relative: each group gets one label.
+NEAR = 0.004
+"""Of the size of the axes: lines that are nowhere farther apart are one to the eye."""
 
-    >>> one = np.ones(3)
-    >>> coincident({"tc": one, "info": one * (1 + 1e-9), "lc": 2 * one})
-    [('tc', 'info'), ('lc',)]
+
+def coincident(
+    axes: Axes, lines: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+) -> list[tuple[str, ...]]:
+    """Methods grouped where their lines (x and y of each) are one to the eye: each group gets one label.
+
+    Limits and scale of the axes must be final.
     """
-    groups: list[list[str]] = []
+    to_axes, groups = axes.transData + axes.transAxes.inverted(), dict[tuple[str, ...], NDArray[np.float64]]()
     for method, line in lines.items():
-        for group in groups:
-            other = lines[group[0]]
-            if line.shape == other.shape and np.allclose(line, other, tolerance, 0.0, equal_nan=True):
-                group.append(method)
+        place = to_axes.transform(np.column_stack(line))
+        for group, other in groups.items():
+            if place.shape == other.shape and np.allclose(place, other, 0.0, NEAR, equal_nan=True):
+                groups = {(*one, method) if one == group else one: its for one, its in groups.items()}
                 break
         else:
-            groups.append([method])
-    return [tuple(group) for group in groups]
+            groups[(method,)] = place
+    return list(groups)
 
 
 def spread(wanted: Sequence[float], heights: Sequence[float], low: float, high: float) -> list[float]:
@@ -79,28 +84,35 @@ def label_ends(axes: Axes, lines: Sequence[Line], *, size: float = 9.0) -> None:
     heights = [row * (1 + name.count("\n")) for name in names]
     places = spread([float(end[1]) for end in ends], heights, -0.05, 1.05)
     for line, name, (across, up), place in zip(lines, names, ends, places, strict=True):
-        colour = stroke(line.methods[0]).colour
         at_edge = across > 0.99
         leader = ([1.005, 1.02, 1.035, 1.045], [up, up, place, place])
         axes.plot(
             *(leader if at_edge else ([across, 1.02, 1.045], [up, place, place])),
-            transform=axes.transAxes, color=colour, linewidth=0.7, alpha=1.0 if at_edge else 0.8, clip_on=False,
+            transform=axes.transAxes, color=line.colour, linewidth=0.7, alpha=1.0 if at_edge else 0.8, clip_on=False,
         )  # fmt: skip
         axes.text(
-            1.052, place, name, transform=axes.transAxes, color=colour, fontsize=size,
+            1.052, place, name, transform=axes.transAxes, color=line.colour, fontsize=size,
             va="center", ha="left", linespacing=1.1, clip_on=False,
         )  # fmt: skip
 
 
-def draw_lines(axes: Axes, lines: Sequence[Line], *, width: float = 1.5, alpha: float = 1.0) -> None:
-    """Every method of every line with its colour, dash and marker; the dashed ones on top, marks side by side."""
-    count = sum(len(line.methods) for line in lines)
-    number = 0
-    for line in lines:
-        for method in line.methods:
-            look = marks(method, len(line.x), number / count)
-            axes.plot(line.x, line.y, linewidth=width, alpha=alpha, **look)
-            number += 1
+def draw_lines(
+    axes: Axes, lines: Sequence[Line], *, every: bool = False, joined: bool = True, width: float = 1.4
+) -> None:
+    """Every method of every line with its colour, dash and marker; the dashed ones on top, marks side by side.
+
+    Args:
+        axes: to draw on.
+        lines: in their order.
+        every: a mark on every value.
+        joined: whether lines join the values.
+        width: of the lines.
+    """
+    methods = [(method, line) for line in lines for method in line.methods]
+    for number, (method, line) in enumerate(methods):
+        look = marks(method, len(line.x), number / len(methods))
+        look |= ({"markevery": None} if every else {}) | ({} if joined else {"linestyle": ""})
+        axes.plot(line.x, line.y, linewidth=width, **look)
 
 
 def wrapped(methods: Sequence[str], width: int = 14) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
@@ -121,9 +120,6 @@ STYLE: Any = {
 WIDTH_IN, HEIGHT_IN = 5.6, 4.1
 """Small enough that the text is legible on a telephone."""
 
-SMALL_WIDTH_IN, SMALL_HEIGHT_IN = 4.2, 3.5
-"""Of figures that stand three beside one another."""
-
 
 def stroke(method: str) -> Stroke:
     """The look of a method; a method without an entry in `STROKES` gets one derived from its name.
@@ -221,15 +217,6 @@ def figure_files(figure: Figure, stem: str) -> Files:
 def _shorter(path: str) -> str:
     """Path data with one decimal of a point, invisible on paper and screen."""
     return re.sub(r"-?\d+\.\d{2,}", lambda number: f"{float(number[0]):.1f}", path)
-
-
-def shown_axes(
-    place: tuple[float, float, float, float], *, size_in: tuple[float, float] = (WIDTH_IN, HEIGHT_IN)
-) -> Axes:
-    """Axes at a place of a new figure (left, bottom, width, height, as parts of it), in the style of every figure."""
-    figure = shown_figure(size_in)
-    with mpl.rc_context(STYLE):
-        return figure.add_axes(place)
 
 
 def shown_figure(size_in: tuple[float, float]) -> Figure:

@@ -1,8 +1,11 @@
-"""What is looked at against time and on a map: curves in panels that share one time, and tracks."""
+"""The one model of a figure: curves in panels over one horizontal axis, and the tracks of a map.
 
-from collections.abc import Sequence
+A page's script draws it (`pages.plots`), and so does matplotlib (`figures.drawing`).
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,38 +16,60 @@ Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 Rows = NDArray[np.int64]
 
+FIRST_UTC_NS = 631_152_000 * 10**9
+"""1990, in Unix time: no clock of a log that begins at 0 reads that much."""
+LOG_SPREAD = 12.0
+"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
+
+
+def is_utc(time_ns: int) -> bool:
+    """Whether a time is Unix time: after 1990.
+
+    >>> is_utc(1_767_225_610 * 10**9), is_utc(0)
+    (True, False)
+    """
+    return time_ns >= FIRST_UTC_NS
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity against time.
+    """A quantity against time, or against what the panel has on its horizontal axis.
 
     Attributes:
-        label: its name beside the value.
+        label: its name beside the value; "" for none.
         colour: CSS colour.
-        time_ns: (n,) in order.
+        x: (n,) in order: times in ns, or floats where the panel's axis is another one.
         value: (n,) NaN where there is none, at which the line breaks.
         sd: (n,) claimed standard deviation, shaded on both sides; None for none.
         dash: lengths of strokes and gaps, pixels; () for a whole line.
-        kind: "line", "dots", or "held" until the next value.
+        kind: "line", "dots", "held" until the next value, "rings", "bars" from zero, or the "area" of the interval.
         width: of the line, pixels.
+        interval: low and high (n,) of the value, shaded; None for none.
     """
 
     label: str
     colour: str
-    time_ns: Times
+    x: NDArray[Any]
     value: Floats
     sd: Floats | None = None
     dash: Sequence[float] = ()
-    kind: Literal["line", "dots", "held"] = "line"
+    kind: Literal["line", "dots", "held", "rings", "bars", "area"] = "line"
     width: float = 1.4
+    interval: tuple[Floats, Floats] | None = None
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats] | None:
+        """Low and high (n,) of what is shaded; None for none."""
+        return self.interval if self.sd is None else (self.value - self.sd, self.value + self.sd)
 
     def rows(self, parts: int) -> "Rows":
         """Rows that show the curve in so many parts of the time: all of one that is held; see `thinned_rows`."""
-        if self.kind == "held":
-            return np.arange(len(self.time_ns))
         if self.kind == "dots":
-            return scattered_rows(self.time_ns, self.value, parts)
-        return thinned_rows(self.time_ns, [self.value, *([] if self.sd is None else [self.sd])], parts)
+            return scattered_rows(self.x, self.value, parts)
+        if self.kind != "line":
+            return np.arange(len(self.x))
+        shaded = [self.sd] if self.sd is not None else [*(self.interval or ())]
+        return thinned_rows(self.x, [self.value, *shaded], parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +82,16 @@ class Panel:
         decimals: of a value that is read off.
         log: whether the axis is logarithmic.
         band: low and high of a shaded range of values; None for none.
+        band_label: what that range is, above the panel.
         period: of an angle that may go around; its values are shown within one turn. 0 for none.
         names: of the whole numbers from 1 on, where they stand for things; () where they are numbers.
         compared: whether its named curves are of methods, drawn with their marks and named at their ends.
+        x_label: of a horizontal axis of numbers; "" for time, or for places.
+        places: names of the x 0, 1, ...; () where they are times or numbers.
+        joined: whether values at places are joined by lines; otherwise methods stand side by side at each place.
+        least: values that the axis holds in any case.
+        downwards: whether the axis points down.
+        diagonal: whether x and y are one quantity, claimed and true: equal logarithmic axes, shaded above the diagonal.
     """
 
     title: str
@@ -67,9 +99,21 @@ class Panel:
     decimals: int = 2
     log: bool = False
     band: tuple[float, float] | None = None
+    band_label: str = ""
     period: float = 0.0
     names: Sequence[str] = ()
     compared: bool = False
+    x_label: str = ""
+    places: Sequence[str] = ()
+    joined: bool = True
+    least: Sequence[float] = ()
+    downwards: bool = False
+    diagonal: bool = False
+
+    @property
+    def over_time(self) -> bool:
+        """Whether its horizontal axis is the time."""
+        return not (self.x_label or self.places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +125,11 @@ class Track:
         colour: CSS colour.
         time_ns: (n,) in order.
         north_m, east_m: (n,) from the origin.
-        sd_north_m, sd_east_m: (n,) claimed standard deviations; None for a reference.
+        sd_north_m, sd_east_m: (n,) claimed standard deviations, drawn as ellipses; None for none.
         lost: (n,) beams lost since the point before; None where it is not shown.
         dash: as of a curve.
         width: of the line, pixels.
+        kind: "way", drawn as its method; "smoothed", dotted; or the "reference", broad.
     """
 
     label: str
@@ -97,6 +142,7 @@ class Track:
     lost: Floats | None = None
     dash: Sequence[float] = ()
     width: float = 1.6
+    kind: Literal["way", "smoothed", "reference"] = "way"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +156,31 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """Panels and tracks that are seen together; the first track is the one that is looked at, None need be."""
+class Figure:
+    """The tracks of a map, and panels over one horizontal axis, that are seen together.
 
+    Attributes:
+        title: above it; "" for none.
+        panels: the first at the top, below the map.
+        start_ns: beginning of the time that is counted; Unix time, or 0.
+        size_in: width and height on paper, inches; those that its panels need for None.
+        tracks: the first track is the one that is looked at.
+        frame: of the map; None without tracks.
+    """
+
+    title: str
     panels: Sequence[Panel]
+    start_ns: int = 0
+    size_in: tuple[float, float] | None = None
     tracks: Sequence[Track] = ()
     frame: Frame | None = None
+
+
+def spreads(values: Iterable[Floats]) -> bool:
+    """Whether values need a logarithmic axis: their ratio exceeds `LOG_SPREAD`."""
+    every = np.concatenate([np.ravel(part) for part in values])
+    every = every[np.isfinite(every) & (every > 0.0)]
+    return bool(every.size and every.max() > LOG_SPREAD * every.min())
 
 
 def held_curve(
@@ -149,7 +214,7 @@ def frame_of(tracks: Sequence[Track], margin: float = 0.08) -> Frame:
     return Frame(*edges)
 
 
-def thinned_rows(time_ns: Times, values: Sequence[Floats], buckets: int) -> Rows:
+def thinned_rows(time_ns: Times | Floats, values: Sequence[Floats], buckets: int) -> Rows:
     """Rows that keep the extremes: of each equal part of the time the least and greatest of every value.
 
     Args:
@@ -179,7 +244,7 @@ def thinned_rows(time_ns: Times, values: Sequence[Floats], buckets: int) -> Rows
     return np.unique(np.concatenate(kept))
 
 
-def scattered_rows(time_ns: Times, value: Floats, parts: int) -> Rows:
+def scattered_rows(time_ns: Times | Floats, value: Floats, parts: int) -> Rows:
     """Rows of a cloud of points: evenly chosen ones, which show how it is spread, and the extremes.
 
     Args:

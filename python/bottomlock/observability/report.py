@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from matplotlib.figure import Figure
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import ScenarioError
+from bottomlock.figures.drawing import on_paper
 from bottomlock.figures.palette import STROKES, figure_files
-from bottomlock.figures.series import Curve, Floats, Panel
-from bottomlock.figures.timeline import timeline_figure
+from bottomlock.figures.series import Curve, Figure, Panel, spreads
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import BeamGeometry, kernel_version
@@ -210,7 +209,9 @@ def observe_scenario(source: str | Path, out: str | Path, *, force: bool = False
     title = f"{scenario.name.replace('_', ' ')}, aided by {own_name}: 1 sigma of every state"
     tables = {"observability": table, "manoeuvre_ranking": ranking}
     files = {f"{name}.parquet": parquet_bytes(frame) for name, frame in tables.items()}
-    result.write(files | figure_files(deviation_figure(history, title=title), "deviations"), force=force)
+    result.write(
+        files | figure_files(on_paper(deviation_figure(history, title=title)), "deviations"), force=force
+    )
     return Observed(table, own_name, ranking)
 
 
@@ -278,13 +279,11 @@ GROUPS = (
 """First words of the states that share a panel, its title, and the size of its unit in SI."""
 _COLOURS = [STROKES[method].colour for method in ("tc", "vhv", "nsv", "weak_sway")]
 _DASHES = ((), (6.0, 2.0), (2.0, 2.0), (6.0, 2.0, 2.0, 2.0))
-_WIDE = 8.0
-"""Ratio between greatest and least value from which an axis is logarithmic."""
 
 
 def deviation_figure(history: Deviations, *, title: str) -> Figure:
     """1 sigma of every state against time; a line that stays where it began is of a state that nothing shows."""
-    return timeline_figure(deviation_panels(history), int(history.time_ns[0]), utc=False, title=title)
+    return Figure(title, deviation_panels(history), int(history.time_ns[0]))
 
 
 def deviation_panels(history: Deviations) -> list[Panel]:
@@ -294,7 +293,7 @@ def deviation_panels(history: Deviations) -> list[Panel]:
         members = [k for k, state in enumerate(history.states) if state.startswith(words)]
         if members:
             curves = [_curve(history, k, place, unit_si) for place, k in enumerate(members)]
-            panels.append(Panel(title, curves, log=_is_wide(np.concatenate([one.value for one in curves]))))
+            panels.append(Panel(title, curves, log=spreads(curve.value for curve in curves)))
     return panels
 
 
@@ -307,8 +306,3 @@ def _curve(history: Deviations, state: int, place: int, unit_si: float) -> Curve
         history.sd[:, state] / unit_si,
         dash=_DASHES[look],
     )
-
-
-def _is_wide(value: Floats) -> bool:
-    positive = value[value > 0.0]
-    return bool(positive.size and positive.max() > _WIDE * positive.min())

@@ -15,10 +15,12 @@ import jinja2
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup, escape
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Paper
 
+from bottomlock.figures.drawing import on_paper
 from bottomlock.figures.inline_svg import inline_svg
 from bottomlock.figures.palette import STROKES, figure_files, stroke, swatch_svg
+from bottomlock.figures.series import Figure
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.plots import Plots
 
@@ -98,12 +100,12 @@ class Pictures:
     folder: str = "figures/"
     files: Files = field(default_factory=dict)
 
-    def add(self, figure: Figure, name: str, caption: str, kind: str = "wide") -> Picture:
+    def add(self, figure: Figure | Paper, name: str, caption: str, kind: str = "wide") -> Picture:
         """Draws a figure, under a name of letters, digits and underscores that no other figure of the page has."""
-        own = figure_files(figure, self.folder + name)
-        self.files.update(own)
-        svg = inline_svg(str(own[f"{self.folder}{name}.svg"]), name, caption)
-        return Picture(Markup(svg), caption, kind, list(own))  # noqa: S704 - our own
+        files = figure_files(figure if isinstance(figure, Paper) else on_paper(figure), self.folder + name)
+        self.files.update(files)
+        svg = inline_svg(str(files[f"{self.folder}{name}.svg"]), name, caption)
+        return Picture(Markup(svg), caption, kind, list(files))  # noqa: S704 - our own
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,12 @@ import numpy as np
 
 from bottomlock.figures.series import (
     Curve,
+    Figure,
     Floats,
     Rows,
     Times,
     Track,
-    View,
+    is_utc,
     thinned_rows,
 )
 
@@ -30,8 +31,6 @@ MISSING = -(2**31)
 LARGEST = 2**29
 PARTS_PER_S = 1000
 """Times are in milliseconds."""
-FIRST_UTC_NS = 631_152_000 * 10**9
-"""1990, in Unix time: no clock of a log that begins at 0 reads that much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +50,18 @@ class Plots:
         caption: what is shown; for screen readers too.
         choices: in order.
         views: by an option of each choice.
-        start_ns: beginning of the time that is counted.
         place: latitude and longitude of the origin, deg, and metres of a degree of each; None where unknown.
     """
 
     caption: str
     choices: Sequence[Choice]
-    views: Mapping[tuple[str, ...], View]
-    start_ns: int
+    views: Mapping[tuple[str, ...], Figure]
     place: tuple[float, float, float, float] | None = None
 
     @property
-    def is_utc(self) -> bool:
-        """Whether the times are of the calendar."""
-        return is_utc(self.start_ns)
+    def first(self) -> Figure:
+        """The view that is shown first."""
+        return self.views[tuple(choice.first for choice in self.choices)]
 
     @property
     def has_map(self) -> bool:
@@ -86,21 +83,13 @@ class Plots:
         return _json(self)
 
 
-def is_utc(time_ns: int) -> bool:
-    """Whether a time is Unix time: after 1990.
-
-    >>> is_utc(1_767_225_610 * 10**9), is_utc(0)
-    (True, False)
-    """
-    return time_ns >= FIRST_UTC_NS
-
-
 def _json(plots: Plots) -> str:
-    pool = _Pool(plots.start_ns)
+    start_ns = plots.first.start_ns
+    pool = _Pool(start_ns)
     buckets = plots.buckets
     content: dict[str, Any] = {
-        "start_s": plots.start_ns / 1e9,
-        "utc": plots.is_utc,
+        "start_s": start_ns / 1e9,
+        "utc": is_utc(start_ns),
         "place": plots.place,
         "choices": [
             {"name": one.name, "options": list(one.options), "first": one.first} for one in plots.choices
@@ -111,7 +100,7 @@ def _json(plots: Plots) -> str:
     return json.dumps(content, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _view(view: View, pool: "_Pool", buckets: int) -> dict[str, Any]:
+def _view(view: Figure, pool: "_Pool", buckets: int) -> dict[str, Any]:
     frame = () if view.frame is None else astuple(view.frame)
     return {
         "panels": [
@@ -122,6 +111,7 @@ def _view(view: View, pool: "_Pool", buckets: int) -> dict[str, Any]:
                 "band": panel.band,
                 "period": panel.period,
                 "names": list(panel.names),
+                "down": panel.downwards,
                 "curves": [_curve(curve, panel.decimals, pool, buckets) for curve in panel.curves],
             }
             for panel in view.panels
@@ -140,7 +130,7 @@ def _curve(curve: Curve, decimals: int, pool: "_Pool", buckets: int) -> dict[str
         "dash": list(curve.dash),
         "kind": curve.kind,
         "width": curve.width,
-        "t": pool.times(curve.time_ns, rows),
+        "t": pool.times(curve.x, rows),
         "v": pool.values(curve.value, rows, step),
         "sd": None if curve.sd is None else pool.values(curve.sd, rows, step),
     }
@@ -176,7 +166,7 @@ class _Pool:
         self._length = 0
         self._known: dict[bytes, int] = {}
 
-    def times(self, time_ns: Times, rows: Rows) -> int:
+    def times(self, time_ns: Times | Floats, rows: Rows) -> int:
         """The number of an array of times after the start, s."""
         return self.values(
             np.asarray((time_ns - self._start_ns) * 1e-9, dtype=np.float64), rows, 1.0 / PARTS_PER_S

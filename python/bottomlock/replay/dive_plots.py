@@ -1,14 +1,14 @@
 """A dive to look into: maps of its tracks, and for each what-if case and method panels against UTC and a map."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from bottomlock.figures.palette import stroke
-from bottomlock.figures.series import Floats, Frame, Times, Track, View, frame_of
+from bottomlock.figures.series import Figure, Floats, Frame, Times, Track, frame_of
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
@@ -33,27 +33,6 @@ LATE = 3.0
 """Medians of the steps between pings after which no ping is known any more."""
 
 
-@dataclass(frozen=True, eq=False)
-class Map:
-    """What a plan view shows.
-
-    Attributes:
-        tracks: the way of each method.
-        smoothed: of the smoothed passes.
-        reference: None without its positions.
-        frame: what the map shows, at least.
-        claims: methods whose 2 sigma of north and east are drawn as ellipses along the way.
-        lost: a track and (n,) how many beams are lost there.
-    """
-
-    tracks: Mapping[str, Track]
-    smoothed: Mapping[str, Track]
-    reference: Track | None
-    frame: Frame
-    claims: Sequence[str]
-    lost: tuple[Track, Floats]
-
-
 def taken(manifest: Mapping[str, Any]) -> str:
     """The method whose track is to be taken; of none the first that stands for all, else the first."""
     methods = manifest["methods"]
@@ -61,23 +40,29 @@ def taken(manifest: Mapping[str, Any]) -> str:
     return str(next(one for one in wanted if one in methods))
 
 
-def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Map:
-    """The map of a what-if case with methods, the track to take and dead reckoning."""
+def map_of(tables: ReplayTables, what_if: str, methods: Sequence[str]) -> Figure:
+    """The map of a what-if case with methods, the track to take and dead reckoning; these two with their ellipses."""
     own, first = tables.of(what_if), taken(tables.manifest)
-    wanted = [*methods, *(one for one in (first, DEAD_RECKONING) if one in tables.manifest["methods"])]
-    tracks = tracks_of(own.samples, list(dict.fromkeys(wanted)))
+    claims = [method for method in (first, DEAD_RECKONING) if method in tables.manifest["methods"]]
+    tracks = tracks_of(own.samples, list(dict.fromkeys([*methods, *claims])))
+    smoothed = tracks_of(own.samples, methods, SMOOTHED).values()
+    others = [replace(track, kind="smoothed", sd_north_m=None, sd_east_m=None) for track in smoothed]
     reference = None
     if own.path is not None:
         within = pl.col("time_ns").is_between(own.samples["time_ns"].min(), own.samples["time_ns"].max())
         rows = own.path.filter(within)
-        places = (floats(rows, "north_m"), floats(rows, "east_m"))
         if rows.height:
-            reference = Track(REFERENCE, REFERENCE_COLOUR, times(rows), *places, width=5.0)
-    return Map(
-        tracks, tracks_of(own.samples, methods, SMOOTHED), reference, framed(tracks, reference, first),
-        claims=[one for one in dict.fromkeys((first, DEAD_RECKONING)) if one in tracks],
-        lost=(tracks[first], lost_beams(own.pings, tracks[first].time_ns)),
-    )  # fmt: skip
+            reference = Track(
+                REFERENCE, REFERENCE_COLOUR, times(rows), floats(rows, "north_m"), floats(rows, "east_m"), width=5.0,
+                kind="reference",
+            )  # fmt: skip
+            others.append(reference)
+    ways = {
+        method: track if method in claims else replace(track, sd_north_m=None, sd_east_m=None)
+        for method, track in tracks.items()
+    }
+    ways[first] = replace(ways[first], lost=lost_beams(own.pings, ways[first].time_ns))
+    return Figure("", (), tracks=[*ways.values(), *others], frame=framed(tracks, reference, first))
 
 
 def tracks_of(samples: pl.DataFrame, methods: Sequence[str], which: str = FORWARD) -> dict[str, Track]:
@@ -163,9 +148,12 @@ def plots_of(tables: ReplayTables, *, methods: Mapping[str, Sequence[str]], leas
     smoothed = (tables.samples["method"] == first) & (tables.samples["pass"] == SMOOTHED)
     passes = {method: (method, FORWARD) for method in shown}
     passes |= {f"{first}, smoothed": (first, SMOOTHED)} if smoothed.any() else {}
-    views: dict[tuple[str, ...], View] = {}
+    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
+    views: dict[tuple[str, ...], Figure] = {}
     for case in cases:
         own, charted, beams = tables.of(case), map_of(tables, case, shown), beams_panel(tables.of(case).pings)
+        lost = next(track.lost for track in charted.tracks if track.lost is not None)
+        beside = [track for track in charted.tracks if track.label in (DEAD_RECKONING, REFERENCE)]
         for label, (method, which) in passes.items():
             nis = nis_panel(own.innovations, [method], least_ratio, compared=False)
             panels = [
@@ -175,15 +163,13 @@ def plots_of(tables: ReplayTables, *, methods: Mapping[str, Sequence[str]], leas
                 *current_panels(own.currents, method),
             ]
             (way,) = tracks_of(own.samples, [method], which).values()
-            floor = charted.tracks.get(DEAD_RECKONING) if method != DEAD_RECKONING else None
-            ways = [replace(way, lost=charted.lost[1], width=2.0), floor, charted.reference]
-            views[plain(case), label] = View(panels, [one for one in ways if one is not None], charted.frame)
+            tracks = [replace(way, lost=lost, width=2.0), *(one for one in beside if one.label != method)]
+            views[plain(case), label] = Figure("", panels, start_ns, tracks=tracks, frame=charted.frame)
     choices = [
         Choice("Conditions", [plain(case) for case in cases], plain(cases[0])),
         Choice("Method", list(passes), first),
     ]
-    start_ns = int(tables.samples["time_ns"].min())  # type: ignore[arg-type]
-    return Plots(CAPTION, choices, views, start_ns, _place(manifest.get("origin")))
+    return Plots(CAPTION, choices, views, _place(manifest.get("origin")))
 
 
 def _place(origin: Mapping[str, float] | None) -> tuple[float, float, float, float] | None:

@@ -73,7 +73,9 @@ def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> di
             for axis in ("surge", "sway", "heave")
         ],
         "position_sd": [Panel("σ of position, horizontal, m", claimed)],
-        "depth": [Panel("depth below the origin, m", over_reckoning("down_m", "sd_position_down_m"))],
+        "depth": [
+            Panel("depth below the origin, m", over_reckoning("down_m", "sd_position_down_m"), downwards=True)
+        ],
         "attitude": [
             Panel("roll and pitch, °", levels),
             Panel("heading, °", _unwrapped(over_reckoning("yaw_deg")), period=360.0),

@@ -1,16 +1,18 @@
 """The report of a finished replay, from its tables alone, and a replay from its case to its report."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Paper
 
 from bottomlock.errors import DataError
-from bottomlock.figures.series import Panel, Track
-from bottomlock.figures.timeline import timeline_figure
+from bottomlock.figures.drawing import on_paper
+from bottomlock.figures.map import scale_words, shown_frame
+from bottomlock.figures.series import Figure, Panel, Track
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.kernel.models import Robust
@@ -20,7 +22,6 @@ from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
 from bottomlock.replay.dive_plots import holds, map_of, plots_of
 from bottomlock.replay.findings.verdict import least_ratio
-from bottomlock.replay.map_figure import map_figure, scale_words, shown_frame
 from bottomlock.replay.page import TIMELINE, VALIDITY, Drawing, featured_in, page_of
 from bottomlock.replay.panels import (
     beams_panel,
@@ -146,14 +147,14 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
     tail = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     name, cases = f"{plain(manifest['case'])}{tail}", [case for case, _ in manifest["what_if"]]
 
-    def stacked(panels: Sequence[Panel], title: str) -> Figure:
-        return timeline_figure(panels, plots.start_ns, utc=plots.is_utc, title=title)
+    def stacked(panels: Sequence[Panel], title: str) -> Paper:
+        return on_paper(Figure(title, panels, plots.first.start_ns))
 
-    first = tuple(choice.first for choice in plots.choices)
+    first = [choice.first for choice in plots.choices]
     caption = (
         f"Estimates of {first[-1]} against time; shaded: ±σ as claimed, of NIS the 95 % band of a consistent "
     )
-    figure = stacked(plots.views[first].panels, f"{name}, {', '.join(first)}")
+    figure = stacked(plots.first.panels, f"{name}, {', '.join(first)}")
     found = [Drawing(TIMELINE, f"{caption}filter; dashed: dead reckoning.", figure)]
     panels = [beams_panel(tables.of(case).pings, case) for case in cases]
     caption = "Beams given to the filters: a line where a beam is valid."
@@ -178,7 +179,7 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
 
 def _of_methods(
     tables: ReplayTables,
-    stacked: Callable[[Sequence[Panel], str], Figure],
+    stacked: Callable[[Sequence[Panel], str], Paper],
     what_if: str,
     methods: list[str],
     title: str,
@@ -188,19 +189,21 @@ def _of_methods(
     """Map, errors of each pass and NIS of some methods in one what-if case."""
     manifest, own, found = tables.manifest, tables.of(what_if), []
 
-    def add(name: str, caption: str, figure: Figure) -> None:
+    def add(name: str, caption: str, figure: Paper) -> None:
         end = "_all_methods" if folded else ""
         found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
 
     passes = [name for name in (FORWARD, SMOOTHED) if (own.samples["pass"] == name).any()]
-    shown = map_of(tables, what_if, methods)
-    figure = map_figure(shown, title=title)
+    charted = map_of(tables, what_if, methods)
+    figure = on_paper(replace(charted, title=title))
+    ways = [track for track in charted.tracks if track.kind == "way"]
+    claims = [track.label for track in ways if track.sd_east_m is not None]
     caption = "Plan view"
-    caption += "; broad grey: the reference" if shown.reference is not None else ""
+    caption += "; broad grey: the reference" if any(one.kind == "reference" for one in charted.tracks) else ""
     caption += "; dotted: smoothed" if SMOOTHED in passes else ""
-    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(shown.claims)}"
-    frame = shown_frame(figure)
-    caption += _cut_words([one for one in shown.tracks.values() if not holds(frame, one)])
+    caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
+    frame = shown_frame(figure.axes[0])
+    caption += _cut_words([track for track in ways if not holds(frame, track)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in passes if manifest["has_reference"] else ():
         figure = stacked(error_panels(own.samples, methods, name), f"{title}, {name}")

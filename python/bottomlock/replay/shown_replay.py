@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.figures.palette import WIDTH_IN, shown_axes, shown_figure
-from bottomlock.figures.series import Panel
-from bottomlock.figures.timeline import draw_panels, stacked_axes, timeline_size_in
+from bottomlock.figures.drawing import shown
+from bottomlock.figures.series import Figure, Panel
 from bottomlock.pages.page import Table
 from bottomlock.pages.pieces import notebook_table, title_of
-from bottomlock.pages.plots import is_utc
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.dive_plots import map_of, taken
-from bottomlock.replay.map_figure import MAP_HEIGHT_IN, MAP_PLACE, draw_map
 from bottomlock.replay.page import featured_in, results_table
 from bottomlock.replay.panels import STATES, beams_panel, nis_panel, state_panels
 from bottomlock.replay.report import least_ratio_of, read_replay, run_and_report
@@ -145,8 +142,8 @@ class Replay:
             DataError: for a what-if case or method that the replay does not have.
         """
         case = self._case(what_if)
-        axes = shown_axes(MAP_PLACE, size_in=(WIDTH_IN, MAP_HEIGHT_IN)) if axes is None else axes
-        draw_map(axes, map_of(self.tables, case, self._drawn(case, methods)))
+        charted = map_of(self.tables, case, self._drawn(case, methods))
+        (axes,) = shown(charted, None if axes is None else [axes])
         # Whoever moves or enlarges the axes keeps one scale.
         axes.set_aspect("equal", adjustable="datalim")
         return axes
@@ -228,12 +225,9 @@ class Replay:
         return self._panels([panel], None if axes is None else [axes])[0]
 
     def _panels(self, panels: Sequence[Panel], axes: "Sequence[Axes] | None") -> "list[Axes]":
-        if axes is None:
-            axes = stacked_axes(shown_figure(timeline_size_in(panels)), panels)
-        if len(axes) != len(panels):
+        if axes is not None and len(axes) != len(panels):
             raise DataError(f"axes are {len(axes)}", expected=f"{len(panels)}, one for each panel")
-        draw_panels(axes, panels, self._start_ns, utc=is_utc(self._start_ns))
-        return list(axes)
+        return shown(Figure("", panels, self._start_ns), axes)
 
 
 def run_replay(case: str | Path | Case, out: str | Path, *, threads: int = 0, force: bool = False) -> Replay:

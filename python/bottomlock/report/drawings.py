@@ -6,19 +6,20 @@ from typing import Any, Literal
 
 import polars as pl
 
-from bottomlock.figures.curves import (
+from bottomlock.figures.campaign import (
+    HALF,
     LOW,
     THIRD,
     WIDE,
     calibration_of,
-    comparison_figure,
+    choices_figure,
     errors_of,
     nees_of,
     normalised_of,
     sweep_of,
 )
 from bottomlock.figures.paths import path_figure
-from bottomlock.figures.selector import choices_figure
+from bottomlock.figures.series import Figure, Panel
 from bottomlock.pages.page import Picture, Pictures
 from bottomlock.pages.pieces import featured, title_of
 from bottomlock.paper.claims import Paper, ValueClaim
@@ -51,6 +52,11 @@ class Content:
     advice: Sequence[Advice]
     choice: Choice | None
     pictures: Pictures = field(default_factory=Pictures)
+
+    def add(self, panel: Panel, size_in: tuple[float, float], name: str, caption: str) -> Picture:
+        """Draws a panel as a figure of the page: three beside one another, or two of the larger sizes."""
+        kind = "third" if size_in in (THIRD, LOW) else ""
+        return self.pictures.add(Figure("", [panel], size_in=size_in), name, caption, kind)
 
     @property
     def best(self) -> Sequence[str]:
@@ -95,7 +101,7 @@ def errors_over_time(content: Content, name: str, quantity: Literal["velocity", 
         content.campaign.ensemble, name, quantity, printed, methods=shown, banded=banded,
         titled=quantity == "velocity",
     )  # fmt: skip
-    return content.pictures.add(comparison_figure(drawn, THIRD), f"{quantity}_{name}", caption, "third")
+    return content.add(drawn, THIRD, f"{quantity}_{name}", caption)
 
 
 def consistency(content: Content, name: str) -> Iterator[Picture]:
@@ -103,12 +109,11 @@ def consistency(content: Content, name: str) -> Iterator[Picture]:
     shown, campaign = content.shown(name), content.campaign
     claims = calibration_of({method: velocity_calibration(content.errors[name], method) for method in shown})
     caption = "Velocity error against its claimed σ, a point per second; the ring is the end."
-    figure = comparison_figure(claims, THIRD)
-    yield content.pictures.add(figure, f"calibration_{name}", caption, "third")
+    yield content.add(claims, THIRD, f"calibration_{name}", caption)
     yield errors_over_time(content, name, "attitude")
-    figure = comparison_figure(nees_of(campaign.ensemble, campaign.consistency, name, methods=shown), THIRD)
+    nees = nees_of(campaign.ensemble, campaign.consistency, name, methods=shown)
     caption = "Mean NEES of the whole state; above the grey band a method is overconfident."
-    yield content.pictures.add(figure, f"nees_{name}", caption, "third")
+    yield content.add(nees, THIRD, f"nees_{name}", caption)
 
 
 def every_method(content: Content, name: str) -> Iterator[Picture]:
@@ -116,11 +121,10 @@ def every_method(content: Content, name: str) -> Iterator[Picture]:
     campaign = content.campaign
     caption = "Velocity error of every method, RMS over runs."
     drawn = errors_of(campaign.ensemble, name, "velocity", banded=[])
-    yield content.pictures.add(comparison_figure(drawn), f"methods_{name}", caption, "")
+    yield content.add(drawn, HALF, f"methods_{name}", caption)
     normalised = {method: content.errors[name].normalised_rms[method] for method in campaign.methods(name)}
     caption = "Error over claimed standard deviation, RMS over runs and times, for the nine components."
-    figure = comparison_figure(normalised_of(normalised), WIDE)
-    yield content.pictures.add(figure, f"normalised_{name}", caption, "")
+    yield content.add(normalised_of(normalised), WIDE, f"normalised_{name}", caption)
     choices = None if campaign.choices is None else campaign.choices.filter(trajectory=name)
     if choices is not None and choices.height:
         caption = "What the selectors choose: share of the runs at each ping."
@@ -150,9 +154,8 @@ def sweeps(content: Content, number: int, parameter: str, rows: pl.DataFrame) ->
         others = ", ".join(one for one in methods if one not in shown)
         caption = f"{title_of(str(trajectory))}: velocity error at the end against {parameter}."
         caption += f" In the rows only: {others}." if others else ""
-        figure = comparison_figure(sweep_of(here.filter(pl.col("method").is_in(shown)), level), LOW)
-        name = f"sweep_{number}_{trajectory}"
-        yield content.pictures.add(figure, name, caption, "third")
+        panel = sweep_of(here.filter(pl.col("method").is_in(shown)), level)
+        yield content.add(panel, LOW, f"sweep_{number}_{trajectory}", caption)
 
 
 def virtual_beam(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, dict[str, Any]]:

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 import polars as pl
-from matplotlib.figure import Figure
 
-from bottomlock.figures.curves import WIDE, comparison_figure, places_of
+from bottomlock.figures.campaign import WIDE, places_of
+from bottomlock.figures.series import Figure
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, folded, listed
 from bottomlock.pages.pieces import featured, plain
@@ -126,4 +126,4 @@ def figure(rows: pl.DataFrame) -> Figure:
     """Velocity error of some methods in every place of a trajectory, with 95 % intervals."""
     methods = featured(rows["method"].unique(maintain_order=True).to_list(), [RECOMMENDED_METHOD])
     named = rows.with_columns(pl.col("place").replace(AS_CONFIGURED, "configured"))
-    return comparison_figure(places_of(named, methods, "velocity error, m/s RMS"), WIDE)
+    return Figure("", [places_of(named, methods, "velocity error, m/s RMS")], size_in=WIDE)

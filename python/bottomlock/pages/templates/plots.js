@@ -256,6 +256,7 @@
     if (names) levels.grid = { show: false };
     const y = names ? { range: [names + 0.6, 0.4] } : panel.log ? { distr: 3, range: (plot, low, high) => [Math.max(low, high * 1e-6, 1e-6) / 1.3, high * 1.3] } : {};
     if (names) y.range = () => [names + 0.6, 0.4];
+    if (panel.down) y.dir = -1;
     const shade = plot => {
       if (!panel.band) return;
       const [low, high] = panel.band.map(one => plot.valToPos(one, "y", true));

@@ -1,16 +1,16 @@
-"""Plan view of a replay: scaled to the tracks to be trusted, with claimed σ, beams lost, scale and north."""
+"""Plan view of tracks on paper: scaled to a frame, with claimed σ, beams lost, scale and north."""
 
-import matplotlib as mpl
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
-from bottomlock.figures.labels import Line, coincident, label_ends
-from bottomlock.figures.palette import FAINT, INK, STYLE, draw_order, marks, new_figure
-from bottomlock.figures.series import Floats, Frame, Track
-from bottomlock.replay.dive_plots import Map
+from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
+from bottomlock.figures.palette import INK, draw_order
+from bottomlock.figures.series import Frame, Track
 
 LOST_COLOURS = ("#f0c24b", "#f0862d", "#d6391f", "#9c2a6e")
 """Of a track where one, two, three, four or more beams are lost."""
@@ -19,54 +19,34 @@ ELLIPSES = 8
 LARGEST = 0.5
 """Part of the map that an ellipse may fill: a larger one would hide what is drawn."""
 
-
-def map_figure(shown: Map, *, title: str) -> Figure:
-    """As `draw_map`, in a figure of its own with a title."""
-    with mpl.rc_context(STYLE):
-        figure = new_figure(height_in=MAP_HEIGHT_IN)
-        draw_map(figure.add_axes(MAP_PLACE), shown)
-        figure.text(0.012, 0.992, title, ha="left", va="top", fontsize=10.0, color=INK)
-    return figure
+_LOOKS: dict[str, Any] = {
+    "way": {"linewidth": 1.5},
+    "smoothed": {"linewidth": 1.0, "alpha": 0.55, "linestyle": (0, (1.5, 1.2))},
+    "reference": {"linewidth": 4.0, "alpha": 0.45, "zorder": 1},
+}
 
 
-MAP_HEIGHT_IN, MAP_PLACE = 4.6, (0.125, 0.11, 0.635, 0.79)
-"""Height of the figure of a map, and the place of its axes in it."""
+def draw_map(axes: Axes, tracks: Sequence[Track], frame: Frame) -> None:
+    """Draws tracks on axes whose place is final; what leaves the frame is cut off."""
+    _scale(axes, frame)
+    ways = {track.label: track for track in tracks if track.kind == "way" and track.label}
+    for track in tracks:
+        if track.label not in ways or track.kind != "way":
+            axes.plot(track.east_m, track.north_m, color=track.colour, **_LOOKS[track.kind])
+        if track.lost is not None:
+            _lost(axes, track)
+        if track.sd_east_m is not None:
+            _ellipses(axes, track)
+    drawn = [ways[name] for name in draw_order(list(ways))]
+    draw_lines(axes, [Line((one.label,), one.east_m, one.north_m, one.colour) for one in drawn], width=1.3)
+    ends = {one.label: one for one in drawn if _inside(axes, one).any()}
+    groups = coincident(axes, {name: (one.east_m, one.north_m) for name, one in ends.items()})
+    label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
+    _places(axes, tracks[0], ended=not ways)
 
 
-def draw_map(axes: Axes, shown: Map) -> None:
-    """Plan view of methods, dotted where smoothed, and of the reference; what leaves the frame is cut off."""
-    tracks, smoothed, reference = shown.tracks, shown.smoothed, shown.reference
-    with mpl.rc_context(STYLE):
-        _scale(axes, shown.frame)
-        if reference is not None:
-            axes.plot(reference.east_m, reference.north_m, color=FAINT, linewidth=4.0, alpha=0.45, zorder=1)
-        _lost(axes, *shown.lost)
-        ends = {}
-        for number, method in enumerate(draw_order(list(tracks))):
-            track = tracks[method]
-            look = marks(method, len(track.time_ns), number / len(tracks))
-            axes.plot(track.east_m, track.north_m, linewidth=1.3, alpha=0.95, **look)
-            if method in smoothed:
-                way = smoothed[method]
-                axes.plot(
-                    way.east_m, way.north_m, color=look["color"], linestyle=(0, (1.5, 1.2)), linewidth=1.0,
-                    alpha=0.55,
-                )  # fmt: skip
-            if _inside(axes, track).any():
-                ends[method] = track
-            if method in shown.claims:
-                _ellipses(axes, track)
-        _places(axes, next(iter(tracks.values())))
-        groups = coincident(
-            {method: np.concatenate([one.east_m, one.north_m]) for method, one in ends.items()},
-            tolerance=2e-3,
-        )
-        label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
-
-
-def shown_frame(figure: Figure) -> Frame:
+def shown_frame(axes: Axes) -> Frame:
     """What a map shows: its frame, with what the shape of the figure leaves room for."""
-    axes = figure.axes[0]
     return Frame(*axes.get_ylim(), *axes.get_xlim())
 
 
@@ -93,21 +73,23 @@ def _inside(axes: Axes, track: Track) -> "np.ndarray[tuple[int, ...], np.dtype[n
 def _line(axes: Axes, methods: tuple[str, ...], track: Track) -> Line:
     """A track up to the last point that the map shows, where its label points to."""
     last = int(np.flatnonzero(_inside(axes, track))[-1]) + 1
-    return Line(methods, track.east_m[:last], track.north_m[:last])
+    return Line(methods, track.east_m[:last], track.north_m[:last], track.colour)
 
 
-def _places(axes: Axes, first: Track) -> None:
-    """Start, axes, scale bar and north."""
-    axes.plot(first.east_m[0], first.north_m[0], "o", color=INK, markersize=5.0, zorder=5)
-    axes.annotate(
-        "start", (first.east_m[0], first.north_m[0]), xytext=(6, 6), textcoords="offset points", fontsize=9.0
-    )
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(6))
+def _places(axes: Axes, first: Track, *, ended: bool) -> None:
+    """Start, axes, scale bar and north; where no name stands at the end of the track, its end too."""
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     width, height = east - west, north - south
+    far = np.hypot(first.north_m[-1] - first.north_m[0], first.east_m[-1] - first.east_m[0])
+    closed = ended and far < 0.03 * width
+    marked = [(0, "o", "start, end" if closed else "start")] + [(-1, "s", "end")] * (ended and not closed)
+    for row, mark, name in marked:
+        place = (first.east_m[row], first.north_m[row])
+        axes.plot(*place, mark, color=INK, markersize=5.0, zorder=5)
+        axes.annotate(name, place, xytext=(6, 6), textcoords="offset points", fontsize=9.0)
+    axes.set(xlabel="east, m", ylabel="north, m")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(6))
     length = scale_length(0.25 * width)
     x, y = west + 0.03 * width, south + 0.03 * height
     axes.plot([x, x + length], [y, y], color=INK, linewidth=2.5, solid_capstyle="butt", zorder=6)
@@ -137,13 +119,14 @@ def scale_words(length_m: float) -> str:
     return f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
 
 
-def _lost(axes: Axes, track: Track, lost: Floats) -> None:
+def _lost(axes: Axes, track: Track) -> None:
     """A broad line in a colour where beams are lost, with a legend."""
+    assert track.lost is not None
     place = np.column_stack([track.east_m, track.north_m])
-    starts = np.flatnonzero(np.diff(lost[1:], prepend=-1.0)) + 1
+    starts = np.flatnonzero(np.diff(track.lost[1:], prepend=-1.0)) + 1
     shown = {}
-    for start, end in zip(starts, [*starts[1:], len(lost)], strict=True):
-        number = int(lost[start])
+    for start, end in zip(starts, [*starts[1:], len(track.lost)], strict=True):
+        number = int(track.lost[start])
         if number:
             index = min(number, len(LOST_COLOURS)) - 1
             (shown[number],) = axes.plot(
