@@ -38,7 +38,7 @@ def recording(table: BeamTable) -> Recording:
     """The table with an account of one lost record."""
     account = Account(unit="byte", read=3, kept=table.rows)
     account.skip("bad checksum", 117, "7f 7f")
-    return Recording("pd0", table, account, frame="ship", clock="UTC", time_of="record")
+    return Recording(table, account, frame="ship", clock="UTC", time_of="record", format="pd0")
 
 
 def test_there_and_back(tmp_path: Path) -> None:

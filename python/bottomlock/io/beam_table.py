@@ -302,7 +302,6 @@ class Recording:
     """Result of reading a file.
 
     Attributes:
-        format: name of the format, as `bottomlock convert --format` takes it.
         table: the pings.
         account: outcome of each record.
         frame: of the instrument's own velocity: "frd", "flu", "instrument", "ship", "earth" ... or "none".
@@ -315,9 +314,9 @@ class Recording:
         notes: remarks on this file for the user, a sentence each.
         facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
         water: what the water returned, None where the records hold none.
+        format: name of the format, as `bottomlock convert --format` takes it.
     """
 
-    format: str
     table: BeamTable
     account: Account
     frame: str
@@ -330,6 +329,7 @@ class Recording:
     notes: Sequence[str] = ()
     facts: Mapping[str, Any] = field(default_factory=dict)
     water: WaterTable | None = None
+    format: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the tables."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.decoder import Format, Row, SentenceDecoder
-from bottomlock.io.rows import NAN
+from bottomlock.io.rows import NAN, UNSURE
 from bottomlock.io.sentences import crc8_of, number, whole, xor_of
 
 _BEAMS = 3
@@ -134,7 +134,7 @@ class _Dvl75(SentenceDecoder):
             notes=[
                 "the sentences carry no clock: time is the sum of their intervals, and starts at zero",
                 "the instrument's own velocity is north, east, down by its own attitude",
-                "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it",
+                UNSURE,
             ],
         )
 

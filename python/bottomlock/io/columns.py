@@ -152,6 +152,20 @@ def nanoseconds(column: pl.Series, name: str, place: str, unit: str) -> pl.Serie
     return _cast((column.fill_nan(None) * NS_OF[unit]).round(), name, place, pl.Int64())
 
 
+def unix_times(text: pl.Series) -> pl.Series:
+    """Unix times, ns, of dates and times after ISO 8601, UTC where they state no zone; null for other cells.
+
+    >>> unix_times(pl.Series(["1970-01-01T00:00:00.5Z", "1970-01-01 01:00:01+01:00", "noon"])).to_list()
+    [500000000, 1000000000, None]
+    """
+    text = text.str.strip_chars().str.replace(" ", "T", literal=True).str.replace(",", ".", literal=True)
+    zoned = text.str.contains(r"(Z|[+-]\d\d:?\d\d)$")
+    parsed = (
+        pl.when(zoned).then(text).otherwise(text + "Z").str.to_datetime("%+", time_unit="ns", strict=False)
+    )
+    return pl.select(parsed).to_series().dt.timestamp("ns")
+
+
 def numbers_of_text(
     column: pl.Series, name: str, place: str, dtype: pl.DataType, *, words: bool = False
 ) -> pl.Series:

@@ -162,7 +162,7 @@ class Decoder:
         """
         table, water = self._made(self.rows if rows is None else rows, beams)
         raise_if_empty(self.account, self.place, what)
-        return Recording("", table, self.account, self.frame, clock="", time_of="record", water=water)
+        return Recording(table, self.account, self.frame, clock="", time_of="record", water=water)
 
 
 class LineDecoder(Decoder):
@@ -411,7 +411,7 @@ class Format:
             DataError: where no record is a ping, with what there was.
         """
         if self.whole is not None:
-            return self.whole(data, place, options)
+            return replace(self.whole(data, place, options), format=self.name)
         decoder = self.decoder(place, options, MOST_BEAMS)
         for at in blocks(len(data)):
             decoder.feed(data[at : at + BLOCK])

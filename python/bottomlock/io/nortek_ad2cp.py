@@ -14,7 +14,6 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Account, BeamTable, Recording, WaterTable
 from bottomlock.io.binary_records import Found, bytes_of, fields_at, numbered
 from bottomlock.io.decoder import binary
-from bottomlock.io.nortek_dvl import UNSURE
 from bottomlock.io.nortek_frames import (
     AVERAGE_AD2CP,
     BOTTOM_AD2CP,
@@ -25,7 +24,7 @@ from bottomlock.io.nortek_frames import (
     kinds,
     struct_tm_ns,
 )
-from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.rows import NAN, UNSURE, Options, make_table, make_water, raise_if_empty
 
 _BEAMS = 4
 _HEAD = np.dtype(
@@ -87,7 +86,6 @@ def _read(records: Found, place: str, options: Options) -> Recording:
     water = _water(data, found, account, options)
     raise_if_empty(account, place, "bottom-track record (DF20)", water, options)
     return Recording(
-        format=FORMAT.name,
         table=table,
         account=account,
         frame="none",

@@ -16,7 +16,7 @@ from dataclasses import replace
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import Recording
 from bottomlock.io.decoder import Format, Row, SentenceDecoder
-from bottomlock.io.rows import NAN
+from bottomlock.io.rows import NAN, UNSURE
 from bottomlock.io.sentences import number, whole
 
 MOST_BEAMS = 4
@@ -200,7 +200,7 @@ class _Decoder(SentenceDecoder):
             notes=[
                 "the sentence carries no velocity of the instrument's own",
                 "time is that of the sentence; beam1_delay_s ... hold its DT1, trigger to centre of echo",
-                "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it",
+                UNSURE,
             ],
         )
 

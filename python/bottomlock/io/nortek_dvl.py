@@ -18,9 +18,8 @@ from bottomlock.io.binary_records import Found, fields_at
 from bottomlock.io.decoder import binary
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
 from bottomlock.io.nortek_frames import BOTTOM_DVL, RECORDS, WATER_DVL, flags_of, frames, kinds, struct_tm_ns
-from bottomlock.io.rows import NAN, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.rows import NAN, UNSURE, Options, make_table, make_water, raise_if_empty
 
-UNSURE = "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it"
 Records = tuple[NDArray[Any], Integers]
 """Fields of a layout, and positions (n,)."""
 
@@ -210,7 +209,6 @@ def _read(records: Found, place: str, options: Options) -> Recording:
     """
     table, water, notes = _LAYOUT.tables(*_LAYOUT.of(records), records.account, place, options)
     return Recording(
-        format=FORMAT.name,
         table=table,
         account=records.account,
         frame="instrument",

@@ -6,7 +6,6 @@ The status word holds validity flags of velocity, distance and figure of merit f
 the manufacturer's driver, which reads both records alike.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,14 +46,13 @@ LAYOUT = Layout(
 
 def _read(records: Found, place: str, options: Options) -> Recording:
     """The bottom-track records of a stream, and its water track; DataError where there is none."""
-    found = recording_of(*LAYOUT.of(records), records.account, place, options)
-    return replace(found, format=FORMAT.name)
+    return recording_of(*LAYOUT.of(records), records.account, place, options)
 
 
 def recording_of(
     bottom: Records, of_water: Records, account: Account, place: str, options: Options
 ) -> Recording:
-    """What records of bottom and of water track hold; the format's name is left to the caller.
+    """What records of bottom and of water track hold.
 
     Raises:
         DataError: where there is none.
@@ -62,7 +60,6 @@ def recording_of(
     posix = bool((bottom[0]["flags"] & 1).any())
     table, water, notes = LAYOUT.tables(bottom, of_water, account, place, options)
     return Recording(
-        format="",
         table=table,
         account=account,
         frame="instrument",

@@ -456,7 +456,6 @@ def _recording(
     elif pings.recorded.any():
         corrected.append("beams recovered from axes and error velocity, of solutions of four beams")
     return Recording(
-        format=FORMAT.name,
         table=table,
         account=account,
         frame=_TABLE_FRAMES[frame],

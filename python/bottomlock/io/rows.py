@@ -19,6 +19,8 @@ from bottomlock.io.beam_table import NO_TIME_NS, Account, BeamTable, Flags, Floa
 from bottomlock.io.columns import LATEST_NS
 
 NAN = math.nan
+UNSURE = "sign not confirmed on a recording: positive towards the bottom is assumed; --negate-beams turns it"
+"""A note on formats that nobody has recorded beside another velocity."""
 
 
 @dataclass(frozen=True)

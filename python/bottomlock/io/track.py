@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, bad_column
 from bottomlock.io.account import Floats
-from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows
+from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows, unix_times
 from bottomlock.support.later import pl
 from bottomlock.support.nearest import did_you_mean
 
@@ -203,7 +203,7 @@ def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats, list[str]]:
     """(n,) seconds since the first row; and the column.
 
     Raises:
-        DataError: without a column of times.
+        DataError: without a column of times, and naming the row of one that is none.
     """
     for unit, scale in NS_OF.items():
         name = f"time_{unit}"
@@ -221,35 +221,17 @@ def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats, list[str]]:
             expected=f"a column time_s (there are {column_names(table)})",
             hint='waypoints are flown with trajectory.kind = "waypoints"',
         )
-    return iso_seconds(table["time"].cast(pl.String).to_list(), place), ["time"]
-
-
-def iso_seconds(texts: list[str | None], place: str) -> Floats:
-    """(n,) seconds since the first of ISO 8601 times; without a zone they are UTC.
-
-    Raises:
-        DataError: naming the row.
-
-    >>> iso_seconds(["2026-05-01T10:00:00Z", "2026-05-01 10:00:01.5"], "here").tolist()
-    [0.0, 1.5]
-    """
-    series = pl.Series(texts, dtype=pl.String).str.strip_chars().str.replace(" ", "T")
-    zoned = series.str.contains(r"(Z|[+-]\d\d:?\d\d)$")
-    parsed = pl.select(
-        pl.when(zoned)
-        .then(series)
-        .otherwise(series + "Z")
-        .str.to_datetime("%+", time_unit="ns", strict=False)
-    ).to_series()
-    bad = parsed.is_null().arg_true()
+    texts = table["time"].cast(pl.String)
+    stamps = unix_times(texts)
+    bad = stamps.is_null().arg_true()
     if len(bad):
         raise DataError(
             f"time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z",
             place=f"{place}: row {bad[0]}",
             hint="call a column of numbers time_s, time_ms, time_us or time_ns",
         )
-    stamps = parsed.dt.timestamp("ns").to_numpy()
-    return np.asarray((stamps - stamps[0]) * 1e-9, np.float64)
+    since = stamps.to_numpy()
+    return np.asarray((since - since[0]) * 1e-9, np.float64), ["time"]
 
 
 def _angles(table: pl.DataFrame, place: str) -> tuple[dict[str, Floats], list[str]]:

@@ -24,8 +24,7 @@ from bottomlock.io.binary_records import (
     words_at,
 )  # fmt: skip
 from bottomlock.io.decoder import binary
-from bottomlock.io.nortek_dvl import UNSURE
-from bottomlock.io.rows import NAN, Options, make_table, raise_if_empty
+from bottomlock.io.rows import NAN, UNSURE, Options, make_table, raise_if_empty
 
 _MARK = bytes([0xAA, 0x10, 0x01])
 _HEAD, _APPLICATION, _DATA, _LONGEST = 5, 4, 5, 33_000
@@ -107,7 +106,6 @@ def _read(found: Found, place: str, options: Options) -> Recording:
         )
     raise_if_empty(account, place, "data packet of a Wayfinder")
     return Recording(
-        format=FORMAT.name,
         table=table,
         account=account,
         frame=_FRAMES[use & 3] if use else "none",

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
-from bottomlock.io.columns import FLAG_WORDS, NS_OF, column_names
+from bottomlock.io.columns import FLAG_WORDS, NS_OF, column_names, unix_times
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
@@ -270,21 +270,13 @@ def _stamps(table: AnyTable, kind: str) -> Times:
 
 
 def iso_times(series: pl.Series) -> Integers | None:
-    """Unix times, ns, of dates and times after ISO 8601, UTC where they state no zone; None for other columns.
-
-    >>> iso_times(pl.Series(["1970-01-01T00:00:00.5Z", "1970-01-01T00:00:01Z"])).tolist()
-    [500000000, 1000000000]
-    """
+    """Unix times, ns, of a column of dates and times, as `unix_times`; None for other columns."""
     if series.dtype != pl.String or not _ISO.match(str(series.first(ignore_nulls=True) or "").strip()):
         return None
-    text = series.str.strip_chars().str.replace(" ", "T", literal=True).str.replace(",", ".", literal=True)
-    zoned = text.str.contains(r"(Z|[+-]\d\d:?\d\d)$")
-    parsed = pl.select(
-        pl.when(zoned).then(text).otherwise(text + "Z").str.to_datetime("%+", time_unit="ns", strict=False)
-    ).to_series()
+    parsed = unix_times(series)
     if parsed.null_count() > MOST_ABSENT * len(parsed):
         return None
-    filled = parsed.dt.timestamp("ns").fill_null(strategy="forward").fill_null(strategy="backward")
+    filled = parsed.fill_null(strategy="forward").fill_null(strategy="backward")
     return np.asarray(filled.to_numpy(), dtype=np.int64)
 
 
