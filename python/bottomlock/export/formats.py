@@ -37,19 +37,13 @@ def comma_separated(track: ExportTrack, pings: pl.DataFrame | None) -> str:
     rows = rows.with_columns(pl.col(radians).degrees())
     rows = rows.rename({name: f"{name.removesuffix('rad')}deg" for name in radians})
     if pings is not None:
-        rows = rows.join_asof(_beams(pings), on="time_ns")
+        beams = pings.select("time_ns", pl.col("time_ns").alias("ping_time_ns"), _COUNT, _VALID)
+        rows = rows.join_asof(beams, on="time_ns")
     return rows.write_csv()
 
 
-def _beams(pings: pl.DataFrame) -> pl.DataFrame:
-    """A row a ping: its time, the number of its valid beams, and which."""
-    valid = [name for name in pings.columns if name.endswith("_valid")]
-    return pings.select(
-        "time_ns",
-        pl.col("time_ns").alias("ping_time_ns"),
-        pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"),
-        *valid,
-    )
+_VALID = pl.col("^.*_valid$")
+_COUNT = pl.sum_horizontal(_VALID).cast(pl.Int64).alias("beams_valid")
 
 
 def tum(track: ExportTrack) -> str:
@@ -361,9 +355,7 @@ def topics(export: Export) -> list[Topic]:
         title = "bottomlock.Estimate" if track.group else "bottomlock.Reference"
         found.append(_rows(f"/{track.name}/estimate", title, track.rows))
     for group, pings in export.pings.items():
-        valid = [column for column in pings.columns if column.endswith("_valid")]
-        counted = pings.with_columns(pl.sum_horizontal(valid).cast(pl.Int64).alias("beams_valid"))
-        found.append(_rows(f"/{group}/beams", "bottomlock.Beams", counted))
+        found.append(_rows(f"/{group}/beams", "bottomlock.Beams", pings.with_columns(_COUNT)))
     return found + [_rows(f"/{name}", f"bottomlock.{title}", rows) for title, name, rows in export.further]
 
 

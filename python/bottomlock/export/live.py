@@ -17,6 +17,7 @@ from bottomlock.errors import DataError
 from bottomlock.export.formats import check_formats, write_export
 from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of
 from bottomlock.files.records import sha256_of
+from bottomlock.io.columns import frame_of
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.raw_log import Entry
 from bottomlock.live.replay import Replayed, replay_log
@@ -54,7 +55,7 @@ def export_live(
             cannot hold.
         OutputError: as `write_export`.
     """
-    origin = _origin(config)
+    origin = config.home
     check_formats(formats, has_origin=origin is not None, has_position=config.mode == "navigation")
     made_from = {
         "log": sha256_of(log),
@@ -74,14 +75,6 @@ def export_live(
     folder = log.with_name(f"{log.stem}_export")
     files = write_export(make, formats, folder, "live", made_from, [log, *inputs], force=force, below="")
     return replayed[0], files
-
-
-def _origin(config: LiveConfig) -> Place | None:
-    """The origin on the Earth; None without its longitude."""
-    stated = config.origin
-    if stated is None or stated.longitude_deg is None:
-        return None
-    return Place(math.radians(stated.latitude_deg), math.radians(stated.longitude_deg), stated.height_m)
 
 
 @dataclass
@@ -150,7 +143,7 @@ def _export(
         method=config.navigation.method if config.mode == "navigation" else config.velocity.method,
         group=NAME,
         description=words,
-        rows=_table(columns),
+        rows=frame_of(columns),
         position_t_m=position,
         origin=origin,
         attitude=attitude,
@@ -183,15 +176,10 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, Floats]:
     return dict(zip(names, values.T, strict=True))
 
 
-def _table(columns: dict[str, Any]) -> pl.DataFrame:
-    """A table, NaN as null."""
-    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
-
-
 def _pings(pings: Sequence[tuple[int, Ping]]) -> pl.DataFrame:
     """A row a ping: time of the first estimate that has it, velocities and ranges of the beams, and which are valid."""
     columns: dict[str, Any] = {"time_ns": [time_ns for time_ns, _ in pings]}
     for key, name in (("velocity_mps", "mps"), ("range_m", "range_m"), ("valid", "valid")):
         values = np.array([getattr(beams, key) for _, beams in pings])
         columns |= _named([f"beam{k + 1}_{name}" for k in range(values.shape[1])], values)
-    return _table(columns)
+    return frame_of(columns)

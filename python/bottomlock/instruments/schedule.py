@@ -11,6 +11,7 @@ from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import Encoder
 from bottomlock.instruments.faults import FaultDraws, Faults
 from bottomlock.instruments.readings import Readings, pings
+from bottomlock.io.columns import frame_of
 from bottomlock.recordings.streams import Depths, Inertial
 
 LATENCY_NS = 10_000_000
@@ -173,4 +174,4 @@ def sent_table(readings: Readings, records: list[Record]) -> pl.DataFrame:
             )
             row |= dict.fromkeys(axes, math.nan) if truth is None else dict(zip(axes, truth, strict=True))
         rows.append(row)
-    return pl.DataFrame(rows, infer_schema_length=None).with_columns(pl.col(pl.Float64).fill_nan(None))
+    return frame_of(rows)

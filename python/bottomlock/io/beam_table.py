@@ -30,6 +30,7 @@ from bottomlock.io.columns import (
     check_rising,
     check_valid,
     column_numbers,
+    frame_of,
     number_series,
     numbers_of,
     read_flags,
@@ -83,7 +84,7 @@ class WaterTable:
     def to_frame(self) -> pl.DataFrame:
         """The documented columns: null where a record holds nothing."""
         columns = {"time_ns": self.time_ns, "cell": self.cell, "range_m": self.range_m}
-        return _frame(columns | _columns(self, ("mps", "valid", "quality", "sd_mps")))
+        return frame_of(columns | _columns(self, ("mps", "valid", "quality", "sd_mps")))
 
     @classmethod
     def from_frame(cls, frame: pl.DataFrame, place: str) -> Self:
@@ -234,7 +235,7 @@ class BeamTable:
         arrival = np.full(self.rows, NO_TIME_NS) if self.arrival_ns is None else self.arrival_ns
         columns["arrival_ns"] = pl.Series(arrival).replace(NO_TIME_NS, None)
         columns["stale"] = np.zeros(self.rows, dtype=bool) if self.stale is None else self.stale
-        return _frame(columns | dict(self.extra))
+        return frame_of(columns | dict(self.extra))
 
     @classmethod
     def from_frame(cls, frame: pl.DataFrame, place: str) -> Self:
@@ -290,11 +291,6 @@ def _per_beam(frame: pl.DataFrame, endings: Sequence[str], place: str) -> dict[s
         )
         for ending in endings
     }
-
-
-def _frame(columns: dict[str, Any]) -> pl.DataFrame:
-    """A table, null for NaN."""
-    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 @dataclass(frozen=True, eq=False)

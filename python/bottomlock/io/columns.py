@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,6 +235,11 @@ def read_flags(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray
             raise bad_column(place, name, f"is {series[int(bad[0])]}", "0, 1, true or false", row=bad[0])
         flags.append(series.to_numpy() == 1.0)
     return np.stack(flags, axis=1)
+
+
+def frame_of(columns: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> pl.DataFrame:
+    """A table of columns, or of rows, null for NaN."""
+    return pl.DataFrame(columns, infer_schema_length=None).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
 def check_rising(times: NDArray[np.int64], name: str, place: str) -> None:
