@@ -222,16 +222,16 @@ def _time_s(table: pl.DataFrame, place: str) -> tuple[Floats, list[str]]:
             hint='waypoints are flown with trajectory.kind = "waypoints"',
         )
     texts = table["time"].cast(pl.String)
-    stamps = unix_times(texts)
-    bad = stamps.is_null().arg_true()
+    found = unix_times(texts)
+    bad = found.is_null().arg_true()
     if len(bad):
         raise DataError(
             f"time '{texts[int(bad[0])]}' is no ISO 8601 time such as 2026-05-01T10:00:00Z",
             place=f"{place}: row {bad[0]}",
             hint="call a column of numbers time_s, time_ms, time_us or time_ns",
         )
-    since = stamps.to_numpy()
-    return np.asarray((since - since[0]) * 1e-9, np.float64), ["time"]
+    stamps = found.to_numpy()
+    return np.asarray((stamps - stamps[0]) * 1e-9, np.float64), ["time"]
 
 
 def _angles(table: pl.DataFrame, place: str) -> tuple[dict[str, Floats], list[str]]:

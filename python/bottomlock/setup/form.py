@@ -3,17 +3,15 @@
 The configuration is the TOML file that a person would write: the form has no meaning of its own.
 """
 
-import json
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from bottomlock.config.section import Section
 from bottomlock.io.beams import geometry_text, read_geometry
-from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.kernel.models import Finite
 from bottomlock.live.sections import Name
-from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
+from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 from bottomlock.ports.estimate import Mode
 from bottomlock.setup.addresses import FormSource, FormTarget
 
@@ -23,7 +21,6 @@ HEALTH_PORT = 8771
 """Of the live process, on the loopback address; the set-up page passes it on."""
 ROUTER = "tcp:127.0.0.1:5777"
 """BlueOS' own "Internal Link": its MAVLink router, for what runs on the vehicle's computer."""
-IMU_HZ = 50
 LOOKS_DOWN_DEG = 30.0
 """Of the mounting: up to here its beams measure the distance to the bottom, for the autopilot's rangefinder."""
 FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.geometry.endswith(".toml")}
@@ -82,65 +79,19 @@ def geometry_of(form: SetupForm) -> str:
 
 def config_text(form: SetupForm, geometry: str) -> str:
     """The configuration of a form, as TOML, with the file of its geometry."""
-    instrument, autopilot = FORM_INSTRUMENTS[form.instrument], FORM_AUTOPILOTS[form.autopilot]
-    parts = [
-        _HEAD,
-        f"name = {_quoted(form.name)}\nmode = {_quoted(form.mode)}",
-        f'[dvl]\ngeometry = "{geometry}"\nbeam_noise_mps = {instrument.beam_noise_mps!r}',
-        _source("dvl", form.address, instrument.format, instrument.rate_hz),
-    ]
-    if form.mode == "navigation":
-        parts += [_source("autopilot", form.imu, "mavlink", IMU_HZ) + f"\nrequest_hz = {IMU_HZ}"]
-        parts += [_NAVIGATION.format(latitude=form.latitude_deg, rate=IMU_HZ, method=RECOMMENDED_METHOD)]
-    port = [line for line in autopilot.port if not line.startswith("to = ")]
-    parts += ["\n".join(["[[port]]", f"to = {_quoted(form.to)}", *port])]
     looks_down = max(abs(form.mounting_roll_deg), abs(form.mounting_pitch_deg)) < LOOKS_DOWN_DEG
-    if looks_down and form.autopilot != "dvl":
-        parts += [f'[[port]]\nto = {_quoted(form.to)}\nport = "distance_sensor"']
-    if form.record:
-        parts += [f'[log]\nfolder = "{LOGS}"']
-    parts += [f'[health]\nhost = "127.0.0.1"\nport = {HEALTH_PORT}']
-    return "\n\n".join(parts) + "\n"
-
-
-def _source(name: str, address: str, form: str, rate_hz: float) -> str:
-    head = f'[[source]]\nname = "{name}"\naddress = {_quoted(address)}'
-    return f'{head}\nformat = "{form}"\nrate_hz = {rate_hz:g}'
-
-
-def _quoted(text: str) -> str:
-    """A string of TOML: JSON's, which escapes the same characters."""
-    return json.dumps(text, ensure_ascii=False)
+    values = form.model_dump(include={"name", "mode", "address", "imu", "to", "latitude_deg"})
+    values |= {
+        "head": _HEAD,
+        "geometry": geometry,
+        "health_port": HEALTH_PORT,
+        "logs": LOGS if form.record else None,
+    }
+    values |= {"ports": ("distance_sensor",) if looks_down and form.autopilot != "dvl" else ()}
+    return template(form.instrument, form.autopilot, values)
 
 
 _HEAD = """# From the set-up page of bottomlock. Edit it by hand where the page does not reach (docs/live.md): the page
-# then runs it as it is, and says so before it replaces it."""
-# Of the inertial sensors of a flight controller, cautious. The heading of the start is the autopilot's own; it aids
-# nothing, because it is made from the same inertial readings.
-_NAVIGATION = """[origin]
-latitude_deg = {latitude!r}
+# then runs it as it is, and says so before it replaces it.
 
-[imu]
-rate_hz = {rate}
-accel_bias_mg = 5.0
-gyro_bias_deg_per_h = 50.0
-accel_noise_mps_per_rt_h = 0.1
-gyro_noise_deg_per_rt_h = 0.3
-
-[attitude]
-message = "ATTITUDE"
-aids = "nothing"
-yaw_sd_deg = 5.0
-
-[start]
-window_s = 5.0
-
-[navigation]
-method = "{method}"
-
-# Of a vehicle with lateral thrusters; one without has less sway than this allows.
-[filter.water]
-vehicle = "hovering"
-
-[checkpoint]
-file = "navigator.checkpoint\""""
+"""
