@@ -34,7 +34,7 @@ def test_servo_lags_saturates_and_is_rate_limited() -> None:
 
 def test_fins_stay_within_their_limits_in_a_hard_turn(tauv: Vehicle) -> None:
     path = PathBuilder().line(20.0).arc(4.0, np.pi).line(60.0)
-    mission = Mission("hairpin", tuple(path.segments), DepthProfile(((0.0, 20.0),)), 2.0, 40.0)
+    mission = Mission("hairpin", path.segments, DepthProfile(((0.0, 20.0),)), 2.0, 40.0)
     history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
     limits = tauv.fin_actuator
     fins = history.state[:, model.FINS]
@@ -100,7 +100,7 @@ def test_heading_step(tauv: Vehicle) -> None:
     vehicle = _far_sighted(tauv)
     state = start_state(vehicle, straight(), GRAVITY_MPS2)
     path = PathBuilder(heading_rad=np.deg2rad(20.0)).line(500.0)
-    mission = replace(straight(), segments=tuple(path.segments))
+    mission = replace(straight(), segments=path.segments)
     time, track = pilot(vehicle, mission, state, duration_s=60.0)
     yaw = euler_rad(track[:, 3:7])[:, 2]
     overshoot, settling, error = _step_response(time, yaw, np.deg2rad(20.0))

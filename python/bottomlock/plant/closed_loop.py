@@ -125,7 +125,7 @@ class VehicleGroup:
             vehicle, mission, ARRAY, start, gravity_mps2=gravity_mps2, step_s=step_s, steps=steps
         )
         self._step_s, self._time_ns = step_s, sample_times_ns(steps * step_s, imu_rate_hz)
-        self._accelerations = model.accelerations(vehicle, gravity_mps2)
+        self._motion = model.motion_through_water(vehicle, gravity_mps2)
         self._guides = guide_rows(mission.segments)
         self._index = np.zeros(runs, dtype=np.int64)
         self._error = np.zeros((runs, 9))
@@ -174,7 +174,7 @@ class VehicleGroup:
         flat = samples.reshape(-1, samples.shape[-1])
         omega, force = inertial_measurements(
             flat,
-            self._accelerations(flat, rows),
+            self._motion(flat, rows)[0],
             latitude_rad=self._latitude_rad,
             gravity_mps2=self._gravity_mps2,
             earth_rate_radps=self._earth_rate_radps,

@@ -123,7 +123,7 @@ def telemetry(flight: Flight, *, every: int = 15) -> pl.DataFrame:
     pick = slice(None, None, every)
     state, water = history.state[pick], history.velocity_through_water_p_mps[pick]
     time_ns = history.time_ns[pick]
-    offset, nearest = cross_track_m(list(mission.segments), state[:, :2])
+    offset, nearest = cross_track_m(mission.segments, state[:, :2])
     straight = np.array([segment.curvature_pm == 0.0 for segment in mission.segments])[nearest]
     wanted, _ = mission.depth.at(np.asarray(time_ns * 1e-9, dtype=np.float64))
     roll, pitch, yaw = euler_rad(state[:, 3:7]).T

@@ -134,7 +134,7 @@ class Mission:
     def timetable(self, time_s: FloatArray) -> FloatArray:
         """Inputs known before the run at the given times, shape (n, 13), in the layout of `model.FIELDS`."""
         depth, sink = self.depth.at(time_s)
-        target = target_along(list(self.segments), self.speed_mps, time_s)
+        target = target_along(self.segments, self.speed_mps, time_s)
         return np.column_stack([self.current.columns(time_s), depth, sink, target])
 
 
@@ -147,7 +147,14 @@ def straight(
 ) -> Mission:
     """Trajectory 1: north at constant depth and speed."""
     path = PathBuilder().line(speed_mps * duration_s + 100.0)
-    return _mission("straight", path, DepthProfile(((0.0, depth_m),)), speed_mps, duration_s, current)
+    return Mission(
+        "straight",
+        path.segments,
+        DepthProfile(((0.0, depth_m),)),
+        speed_mps,
+        duration_s,
+        current=current or Current(),
+    )
 
 
 def figure_eight(
@@ -166,7 +173,7 @@ def figure_eight(
         path.arc(radius_m, 2.0 * math.pi * (1.0 if loop % 2 == 0 else -1.0))
     ends_s = (-60.0, duration_s + 60.0)
     dive = DepthProfile(tuple((time_s, depth_m + dive_rate_mps * time_s) for time_s in ends_s))
-    return _mission("figure_eight", path, dive, speed_mps, duration_s, current)
+    return Mission("figure_eight", path.segments, dive, speed_mps, duration_s, current=current or Current())
 
 
 def lawn_mower(
@@ -186,19 +193,7 @@ def lawn_mower(
     for leg in range(legs):
         path.line(leg_m).arc(0.5 * spacing_m, math.pi * (1.0 if leg % 2 == 0 else -1.0))
     dive = DepthProfile(((2.0, depth_m), (2.0 + dive_duration_s, depth_m + dive_rate_mps * dive_duration_s)))
-    return _mission("lawn_mower", path, dive, speed_mps, duration_s, current)
-
-
-def _mission(
-    name: str,
-    path: PathBuilder,
-    depth: DepthProfile,
-    speed_mps: float,
-    duration_s: float,
-    current: Current | None,
-) -> Mission:
-    """The mission along a path, by line of sight."""
-    return Mission(name, tuple(path.segments), depth, speed_mps, duration_s, current=current or Current())
+    return Mission("lawn_mower", path.segments, dive, speed_mps, duration_s, current=current or Current())
 
 
 def waypoint_mission(
@@ -222,7 +217,7 @@ def waypoint_mission(
     segments = through_waypoints(waypoints_m, turn_radius_m)
     length = sum(segment.length_m for segment in segments)
     duration = length / speed_mps if duration_s is None else duration_s
-    return Mission(name, tuple(segments), depth, speed_mps, duration, law, current or Current())
+    return Mission(name, segments, depth, speed_mps, duration, law, current or Current())
 
 
 _PATHS: dict[str, Callable[..., Mission]] = {

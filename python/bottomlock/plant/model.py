@@ -76,25 +76,13 @@ def motion_estimate(maths: Maths[Number]) -> Callable[..., Motion[Number]]:
     return estimate
 
 
-def quaternion_rate(attitude: Four[Number], p: Number, q: Number, r: Number) -> Four[Number]:
-    """Time derivative of the quaternion (scalar first) at the body rates p, q, r (rad/s)."""
-    q0, q1, q2, q3 = attitude
+def _current(row: Row[Number], depth: Number, sink: Number) -> tuple[Three[Number], Three[Number]]:
+    """Velocity of the current at a depth, and its acceleration along the path of a vehicle that sinks (tangent)."""
+    zero, rate = 0.0 * depth, 0.0 * sink
     return (
-        -0.5 * (q1 * p + q2 * q + q3 * r),
-        0.5 * (q0 * p + q2 * r - q3 * q),
-        0.5 * (q0 * q + q3 * p - q1 * r),
-        0.5 * (q0 * r + q1 * q - q2 * p),
+        (row[0] + row[4] * depth, row[1] + row[5] * depth, zero),
+        (row[2] + row[4] * sink, row[3] + row[5] * sink, rate),
     )
-
-
-def _current(row: Row[Number], depth: Number) -> Three[Number]:
-    """Velocity of the current at a depth, tangent frame."""
-    return row[0] + row[4] * depth, row[1] + row[5] * depth, 0.0 * depth
-
-
-def _current_rate(row: Row[Number], sink: Number) -> Three[Number]:
-    """Acceleration of the current along the path of a vehicle that sinks, tangent frame."""
-    return row[2] + row[4] * sink, row[3] + row[5] * sink, 0.0 * sink
 
 
 def derivative(
@@ -121,31 +109,34 @@ def derivative(
         north, east, depth, q0, q1, q2, q3, u, v, w, p, q, r = state[:OWN]
         own, attitude, turning = state[OWN:], (q0, q1, q2, q3), (p, q, r)
         velocity = to_tangent(q0, q1, q2, q3, u, v, w)
-        current, current_rate = _current(row, depth), _current_rate(row, velocity[2])
-        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), own, current, current_rate)
+        turn = (
+            -0.5 * (q1 * p + q2 * q + q3 * r), 0.5 * (q0 * p + q2 * r - q3 * q),
+            0.5 * (q0 * q + q3 * p - q1 * r), 0.5 * (q0 * r + q1 * q - q2 * p),
+        )  # fmt: skip
+        nu_rates = nu_dot(attitude, (u, v, w, p, q, r), own, *_current(row, depth, velocity[2]))
         motion = estimate(attitude, velocity, depth, turning, nu_rates[0], error)
         course = guide(north - error[0], east - error[1], segment, row[8:])
         controls = steer(own, motion, Wanted(course, row[6], row[7]))
-        return list(chain(velocity, quaternion_rate(attitude, p, q, r), nu_rates, controls))
+        return list(chain(velocity, turn, nu_rates, controls))
 
     return rates
 
 
-def accelerations(vehicle: AnyVehicle, gravity_mps2: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Build nu' (n, 6), m/s² and rad/s², of states (n, size) at the rows (n, 13) of the timetable."""
+def motion_through_water(
+    vehicle: AnyVehicle, gravity_mps2: float
+) -> Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Build nu' (n, 6), m/s² and rad/s², and the velocity relative to the water (n, 3), platform frame, m/s.
+
+    Of states (n, size) at the rows (n, 13) of the timetable.
+    """
     nu_dot = acceleration(vehicle, gravity_mps2, ARRAY)
 
-    def along(states: FloatArray, rows: FloatArray) -> FloatArray:
+    def along(states: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         _, _, depth, q0, q1, q2, q3, u, v, w, p, q, r, *own = states.T
         _, _, sink = to_tangent(q0, q1, q2, q3, u, v, w)
-        current = _current(list(rows.T), depth), _current_rate(list(rows.T), sink)
-        return np.stack(nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), own, *current), axis=1)
+        current, current_rate = _current(list(rows.T), depth, sink)
+        rates = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), own, current, current_rate)
+        through = states[:, NU][:, :3] - np.stack(to_platform(q0, q1, q2, q3, *current), axis=1)
+        return np.stack(rates, axis=1), through
 
     return along
-
-
-def velocity_through_water_p(states: FloatArray, rows: FloatArray) -> FloatArray:
-    """Velocity relative to the water (n, 3), platform frame, m/s, of states at the rows of the timetable."""
-    _, _, depth, q0, q1, q2, q3 = states.T[:7]
-    current_p = to_platform(q0, q1, q2, q3, *_current(list(rows.T), depth))
-    return np.asarray(states[:, NU][:, :3] - np.stack(current_p, axis=1))

@@ -72,7 +72,12 @@ class PathBuilder:
 
     def __init__(self, north_m: float = 0.0, east_m: float = 0.0, heading_rad: float = 0.0) -> None:
         self._pose = (north_m, east_m, heading_rad)
-        self.segments: list[PathSegment] = []
+        self._laid: list[PathSegment] = []
+
+    @property
+    def segments(self) -> tuple[PathSegment, ...]:
+        """The segments laid so far."""
+        return tuple(self._laid)
 
     def line(self, length_m: float) -> Self:
         """Append a straight line."""
@@ -87,12 +92,12 @@ class PathBuilder:
 
     def _append(self, curvature: float, length: float) -> Self:
         segment = PathSegment(*self._pose, curvature, length)
-        self.segments.append(segment)
+        self._laid.append(segment)
         self._pose = segment.at(length)
         return self
 
 
-def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[PathSegment]:
+def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> tuple[PathSegment, ...]:
     """Lines through waypoints (n, 2: north, east in m), corners rounded by arcs tangent to both legs.
 
     Raises:
@@ -129,7 +134,7 @@ def through_waypoints(waypoints_m: FloatArray, turn_radius_m: float) -> list[Pat
     return builder.segments
 
 
-def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArray) -> FloatArray:
+def target_along(segments: Sequence[PathSegment], speed_mps: float, time_s: FloatArray) -> FloatArray:
     """A target that moves along the path at constant speed, (n, 5).
 
     Columns: north, east (m), velocity north, east (m/s), course rate (rad/s). Beyond the last segment it continues on
@@ -152,7 +157,7 @@ def target_along(segments: list[PathSegment], speed_mps: float, time_s: FloatArr
     return np.stack([north, east, speed_mps * np.cos(leaving), speed_mps * np.sin(leaving), rate], axis=1)
 
 
-def cross_track_m(segments: list[PathSegment], position_ne_m: FloatArray) -> tuple[FloatArray, IntArray]:
+def cross_track_m(segments: Sequence[PathSegment], position_ne_m: FloatArray) -> tuple[FloatArray, IntArray]:
     """Distance to the path (n,), positive to the right, and the nearest segment's index (n,)."""
     points = np.asarray(position_ne_m, dtype=np.float64)
     best = np.full(len(points), np.inf)

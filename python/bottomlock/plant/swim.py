@@ -204,11 +204,12 @@ def swim(
     every = sampled(np.array(states), np.array(slopes), step_s, samples_per_step)
     samples = every[::steps_per_sample][: count + 1]
     inputs = mission.timetable(np.arange(count + 1) / imu_rate_hz)
+    acceleration, through_water = model.motion_through_water(vehicle, gravity_mps2)(samples, inputs)
     return StateHistory(
         time_ns=sample_times_ns(count / imu_rate_hz, imu_rate_hz),
         state=samples,
-        acceleration=model.accelerations(vehicle, gravity_mps2)(samples, inputs),
-        velocity_through_water_p_mps=model.velocity_through_water_p(samples, inputs),
+        acceleration=acceleration,
+        velocity_through_water_p_mps=through_water,
         segment=np.repeat(np.array(indices), samples_per_step)[::steps_per_sample][: count + 1],
     )
 
