@@ -240,4 +240,4 @@ def test_every_method_has_its_colour_and_its_words() -> None:
     looks = [look.colour for look in palette.STROKES.values()]
     assert len(set(looks)) == len(looks)
     assert {*KERNEL_METHODS, DEAD_RECKONING} == set(palette.STROKES)
-    assert len({look.words for look in palette.STROKES.values()}) == len(palette.STROKES)
+    assert len({look.meaning for look in palette.STROKES.values()}) == len(palette.STROKES)

@@ -68,8 +68,8 @@ def scenarios_of(given: AnyScenarios, **overrides: Any) -> list[Scenario]:  # no
             f"scenarios is {several!r:.60}", expected="a list such as ['straight', 'own.toml']"
         )
     changed = {key: value for key, value in overrides.items() if value is not None}
-    scenarios = [load_scenario(one) for one in several]
-    return [one.with_overrides(**changed) for one in scenarios] if changed else scenarios
+    scenarios = [load_scenario(source) for source in several]
+    return [scenario.with_overrides(**changed) for scenario in scenarios] if changed else scenarios
 
 
 def build_simulations(scenarios: Sequence[Scenario]) -> list[Simulation]:
@@ -174,9 +174,14 @@ def _cross_track_m(flight: Flight) -> NDArray[np.float64]:
 def true_paths(built: Sequence[BuiltScenario]) -> pl.DataFrame:
     """The true position of every scenario once a second (`tables.campaign.PATHS`); closed-loop runs leave this path."""
     parts = []
-    for one in built:
-        every = slice(None, None, max(1, round(one.scenario.imu.rate_hz)))
-        north, east, depth = one.truth.position_t_m[every].T
-        columns = {"time_ns": one.truth.time_ns[every], "north_m": north, "east_m": east, "depth_m": depth}
-        parts.append(pl.DataFrame(columns).with_columns(pl.lit(one.scenario.name).alias("trajectory")))
+    for simulation in built:
+        every = slice(None, None, max(1, round(simulation.scenario.imu.rate_hz)))
+        north, east, depth = simulation.truth.position_t_m[every].T
+        columns = {
+            "time_ns": simulation.truth.time_ns[every],
+            "north_m": north,
+            "east_m": east,
+            "depth_m": depth,
+        }
+        parts.append(pl.DataFrame(columns).with_columns(pl.lit(simulation.scenario.name).alias("trajectory")))
     return pl.concat(parts).select(list(PATHS))

@@ -80,13 +80,13 @@ def with_reckoning(
 ) -> dict[str, Any]:
     """The batch of the filters with dead reckoning in its place among the campaign's methods."""
     place = built.scenario.campaign.methods.index(DEAD_RECKONING)
-    found = [_run(built, first_run + k, _of_run(schedule, k), model, options) for k in range(runs)]
-    own: dict[str, Any] = dict(
-        zip(("error", "sd"), (np.stack(part) for part in zip(*found, strict=True)), strict=True)
+    arrays = [_run(built, first_run + k, _of_run(schedule, k), model, options) for k in range(runs)]
+    missing: dict[str, Any] = dict(
+        zip(("error", "sd"), (np.stack(part) for part in zip(*arrays, strict=True)), strict=True)
     )
-    own |= dict.fromkeys(NOT_ESTIMATED, np.nan)
-    own |= {"choice": kernel.NO_CHOICE}
-    return {name: np.insert(values, place, own.get(name, 0), axis=1) for name, values in result.items()}
+    missing |= dict.fromkeys(NOT_ESTIMATED, np.nan)
+    missing |= {"choice": kernel.NO_CHOICE}
+    return {name: np.insert(values, place, missing.get(name, 0), axis=1) for name, values in result.items()}
 
 
 def _of_run(schedule: Mapping[str, Any], k: int) -> Any:  # noqa: ANN401 - the kernel's `ScheduleDict`

@@ -55,8 +55,8 @@ def run_closed_loop(
             "its truth is analytic, so no vehicle can be steered on an estimate",
             place=f"scenario {simulation.scenario.name}",
         )
-    own = pilot == "own"
-    vehicles_per_run = len(methods) if own else 1
+    each_its_own = pilot == "own"
+    vehicles_per_run = len(methods) if each_its_own else 1
     group = _vehicles(simulation, simulation.vehicle, simulation.mission, runs * vehicles_per_run)
     last_ns = round(simulation.mission.duration_s * 1e9)
     draws = {"trajectory_key": trajectory_key, "first_run": first_run}
@@ -64,8 +64,8 @@ def run_closed_loop(
         simulation, first_ns=0, last_ns=last_ns, runs=runs, vehicles_per_run=vehicles_per_run, **draws
     )
     start = group.start()
-    loop = _kernel_loop(simulation, methods, start, vehicle_per_method=own, threads=threads, **draws)
-    navigation = _Navigation(loop, schedule, start, pilot=0 if own else methods.index(pilot))
+    loop = _kernel_loop(simulation, methods, start, vehicle_per_method=each_its_own, threads=threads, **draws)
+    navigation = _Navigation(loop, schedule, start, pilot=0 if each_its_own else methods.index(pilot))
     offsets = []
     for block in fly_on_estimate(group, navigation.estimate):
         offsets.append(cross_track_m(simulation.mission, group.segment, block.position_t_m[:, -1]))

@@ -58,8 +58,8 @@ def _run(
                 threads = sum(client.nthreads().values())
                 last_seen_s = time.monotonic() if threads else last_seen_s
                 if time.monotonic() - last_seen_s > PATIENCE_S:
-                    words = "finished chunks are kept: the same command resumes"
-                    raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s", hint=words)
+                    hint = "finished chunks are kept: the same command resumes"
+                    raise EngineError(f"{place} has had no worker for {PATIENCE_S:.0f} s", hint=hint)
                 # Two for each thread, of which one waits: more would fill the memory of the cluster.
                 while waiting and len(running) < 2 * max(1, threads):
                     # The remaining number as priority: chunks start in order.
@@ -83,8 +83,8 @@ def _tables(future: Any, chunk: Chunk, place: str) -> ChunkTables:  # noqa: ANN4
     if isinstance(fault, BottomlockError):
         raise fault
     if fault is not None:
-        words = f"{type(fault).__name__}: {(str(fault) or 'no reason given').splitlines()[0]}"
-        raise EngineError(f"{chunk.scenario}, run {chunk.first_run}: {place} failed ({words})") from fault
+        reason = f"{type(fault).__name__}: {(str(fault) or 'no reason given').splitlines()[0]}"
+        raise EngineError(f"{chunk.scenario}, run {chunk.first_run}: {place} failed ({reason})") from fault
     versions, tables = future.result(timeout=PATIENCE_S)
     other = versions_in_words(versions, bit_versions())
     if other:

@@ -33,7 +33,8 @@ Identity = Mapping[str, Any]
 def identity_of(simulations: Sequence[Simulation]) -> Identity:
     """What decides the numbers of a campaign, apart from the number of runs; known before any truth is computed."""
     content = [
-        (one.scenario.name, one.fingerprint(), list(one.scenario.campaign.methods)) for one in simulations
+        (simulation.scenario.name, simulation.fingerprint(), list(simulation.scenario.campaign.methods))
+        for simulation in simulations
     ]
     digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()
     return {"configuration_hash": digest, "versions": bit_versions()}
@@ -64,12 +65,12 @@ def check_owner(out: Path, identity: Identity, *, force: bool) -> None:
     if force:
         return
     other = versions_in_words(dict(held.get("versions", {})), identity["versions"])
-    words = f"a campaign made with {other}, so that bits may differ" if other else ""
+    content = f"a campaign made with {other}, so that bits may differ" if other else ""
     if held["configuration_hash"] != identity["configuration_hash"]:
-        words = "a campaign of another configuration"
-    if words:
+        content = "a campaign of another configuration"
+    if content:
         raise OutputError(
-            f"holds {words}", place=out, hint="choose another directory or use --force to start over"
+            f"holds {content}", place=out, hint="choose another directory or use --force to start over"
         )
 
 

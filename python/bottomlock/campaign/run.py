@@ -60,8 +60,8 @@ class Aggregate:
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         """`scenarios`: in the order of the tables."""
-        self._scenarios = {one.name: one for one in scenarios}
-        self._chunks = {one.name: chunks_of(one) for one in scenarios}
+        self._scenarios = {scenario.name: scenario for scenario in scenarios}
+        self._chunks = {scenario.name: chunks_of(scenario) for scenario in scenarios}
         self._parts: dict[Chunk, tuple[NDArray[np.float64], pl.DataFrame, pl.DataFrame]] = {}
         self._finished: dict[str, Tables] = {}
         self._time_ns: dict[str, NDArray[np.int64]] = {}
@@ -74,7 +74,7 @@ class Aggregate:
         )
         self._time_ns[chunk.scenario] = norms["time_ns"].head(values.shape[-1]).to_numpy()
         self._parts[chunk] = (values, campaign.runs_table(norms, tables.counts), tables.choices)
-        if all(one in self._parts for one in self._chunks[chunk.scenario]):
+        if all(part in self._parts for part in self._chunks[chunk.scenario]):
             self._finished[chunk.scenario] = self._finish(chunk.scenario)
 
     def _finish(self, name: str) -> Tables:
@@ -192,8 +192,8 @@ def run_campaign(
         if out is not None:
             write_tables(out, [*done, paths], manifest)
             # A report of this campaign, and a page that compares it with its neighbours.
-            for one in (out, out.parent):
-                remove_outdated(one)
+            for place in (out, out.parent):
+                remove_outdated(place)
     in_memory = pl.concat([samples[chunk] for chunk in chunks], rechunk=False) if out is None else None
     return Results(manifest, done.runs, done.ensemble, done.consistency, done.choices, paths, out, in_memory)
 
@@ -215,7 +215,9 @@ def _held(
     if out is None:
         yield
         return
-    check_apart([out / name for name in TABLES], [file for one in scenarios for file in one.files()])
+    check_apart(
+        [out / name for name in TABLES], [file for scenario in scenarios for file in scenario.files()]
+    )
     check_owner(out, identity, force=force)
     with locked(out):
         # Another process may have held it until now.
@@ -229,17 +231,17 @@ def _manifest(scenarios: Sequence[Scenario], identity: Identity) -> dict[str, An
         "version": kernel.kernel_version(),
         "versions": library_versions() | identity["versions"],
         "configuration_hash": identity["configuration_hash"],
-        "nees_degrees": {one.name: one.filter.states for one in scenarios},
+        "nees_degrees": {scenario.name: scenario.filter.states for scenario in scenarios},
         "scenarios": {
-            one.name: {
-                "seed": one.campaign.seed,
-                "runs": one.campaign.runs,
-                "runs_per_chunk": runs_per_chunk(one),
-                "methods": list(one.campaign.methods),
-                "configuration": one.model_dump(mode="json"),
-                "options": one.kernel_options().as_dict(),
+            scenario.name: {
+                "seed": scenario.campaign.seed,
+                "runs": scenario.campaign.runs,
+                "runs_per_chunk": runs_per_chunk(scenario),
+                "methods": list(scenario.campaign.methods),
+                "configuration": scenario.model_dump(mode="json"),
+                "options": scenario.kernel_options().as_dict(),
             }
-            for one in scenarios
+            for scenario in scenarios
         },
     }
 

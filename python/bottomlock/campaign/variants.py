@@ -85,8 +85,8 @@ def make_variants(scenarios: Sequence[Scenario], sets: Mapping[str, Sequence[Any
             raise ScenarioError(
                 "it is no setting", place=f"--set {key}", hint="copy the scenario to rename it"
             )
-        words = [toml_value(value) for value in values]
-        twice = next((word for word in words if words.count(word) > 1), None)
+        texts = [toml_value(value) for value in values]
+        twice = next((word for word in texts if texts.count(word) > 1), None)
         if twice is not None:
             raise ScenarioError(f"the value {twice} is given twice", place=f"--set {key}")
     combinations = [dict(zip(sets, values, strict=True)) for values in itertools.product(*sets.values())]

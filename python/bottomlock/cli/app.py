@@ -75,7 +75,7 @@ JOBS = {
     },
 }
 """By job, in the order of the help: module of `bottomlock.cli`, or MODULE:FUNCTION, and help line of each command."""
-COMMANDS = {name: words for commands in JOBS.values() for name, words in commands.items()}
+COMMANDS = {name: entry for commands in JOBS.values() for name, entry in commands.items()}
 USAGE = {
     "run": "[OPTIONS] SCENARIO...",
     "report": "[OPTIONS] DIRECTORY...",
@@ -140,9 +140,9 @@ def main() -> None:
     try:
         app(tokens, exit_on_error=False, print_error=False)
     except cyclopts.CycloptsError as error:
-        words = " ".join(str(error).split())
-        words = words if words.endswith("...") else words.removesuffix(".")
-        _fail(f"{words}; see `{' '.join(['bottomlock', *(error.command_chain or ())])} --help`")
+        reason = " ".join(str(error).split())
+        reason = reason if reason.endswith("...") else reason.removesuffix(".")
+        _fail(f"{reason}; see `{' '.join(['bottomlock', *(error.command_chain or ())])} --help`")
     except MemoryError:
         _fail("the memory does not suffice; take a part of the file, or a machine with more")
     except BottomlockError as error:

@@ -1,9 +1,6 @@
 """The command `bottomlock audit`."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from bottomlock.audit.geometry_file import geometry_text
 from bottomlock.audit.logs import read_depths, read_inertial, read_reference
@@ -12,7 +9,7 @@ from bottomlock.audit.run import audit_file, numbers_of
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
 from bottomlock.cli.page_output import print_part
-from bottomlock.cli.parameters import beside, geometry_of
+from bottomlock.cli.parameters import Out, beside, geometry_of
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import Result, check_free
 from bottomlock.files.records import sha256_of
@@ -24,7 +21,7 @@ from bottomlock.io.formats import converted_first
 def audit(
     log: Path,
     *,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     geometry: str | None = None,
     attitude: Path | None = None,
     imu: Path | None = None,
@@ -65,14 +62,14 @@ def audit(
     inertial = None if imu is None else read_inertial(imu)
     depths = None if depth is None else read_depths(depth)
     with converted_first(log):
-        made = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
+        report = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
     # The findings say why a log gives no geometry to write, so they are printed before it is refused.
-    page = page_of(made, numbers_of(made))
+    page = page_of(report, numbers_of(report))
     console.print(page.about, highlight=False)
     for part in (*page.parts[1:-1], page.parts[0]):
         print_part(part)
-    text = None if write is None else geometry_text(made)
-    result.write(audit_files(made), force=force)
+    text = None if write is None else geometry_text(report)
+    result.write(audit_files(report), force=force)
     if write is not None and text is not None:
         write_text(write, text)
         say(f"wrote {write}")

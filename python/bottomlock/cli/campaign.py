@@ -11,7 +11,7 @@ from bottomlock.campaign.variants import check_variants, make_variants, parse_se
 from bottomlock.cli.campaign_output import print_results, progress_bar
 from bottomlock.cli.common import ForceCampaign
 from bottomlock.cli.compare import print_comparison
-from bottomlock.cli.console import interrupted, say
+from bottomlock.cli.console import say
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Runs, Seed, Threads, load_scenarios
 from bottomlock.errors import ScenarioError
 from bottomlock.report.compare import compare
@@ -55,14 +55,11 @@ def run(
         check_variants(variants, out, force=force)
     else:
         check_campaign(loaded, out, force=force)
-    try:
-        with progress_bar(sum(variant.runs for variant in variants) or None) as progress:
-            if variants:
-                run_variants(variants, out, progress=progress, **settings)
-            else:
-                results = run_campaign(loaded, out, progress=progress, **settings)
-    except KeyboardInterrupt:
-        interrupted(out)
+    with progress_bar(out, sum(variant.runs for variant in variants) or None) as progress:
+        if variants:
+            run_variants(variants, out, progress=progress, **settings)
+        else:
+            results = run_campaign(loaded, out, progress=progress, **settings)
     if variants:
         _print_variants(out, len(variants), force=force)
     else:

@@ -1,6 +1,6 @@
 """Terminal output of campaigns: a progress bar, then tables of RMS errors."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,8 +11,7 @@ from rich.text import Text
 
 from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
-from bottomlock.cli.console import console, late_bar, narrow_table, say
-from bottomlock.files.atomic_write import json_text
+from bottomlock.cli.console import console, late_bar, narrow_table, print_json, say
 from bottomlock.pages.pieces import plain
 
 
@@ -23,43 +22,56 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.1f} runs/s" if task.speed else "- runs/s")
 
 
+def error_rows(
+    rows: pl.DataFrame, columns: Sequence[tuple[str, str, int]]
+) -> tuple[list[str], list[list[str]]]:
+    """Heads and cells: method, velocity error with its interval, then columns by head, name and decimals."""
+    velocity = "velocity_rms_over_runs{}_mps"
+    cells = [
+        [
+            row["method"],
+            plain(row[velocity.format("")], digits=4),
+            " .. ".join(plain(row[velocity.format(end)], digits=4) for end in ("_lo", "_hi")),
+            *(plain(row[name], digits=4, decimals=decimals) for _, name, decimals in columns),
+        ]
+        for row in rows.iter_rows(named=True)
+    ]
+    return ["method", "v m/s", "95 %", *(head for head, _, _ in columns)], cells
+
+
+ATTITUDE = ("att deg", "attitude_rms_over_runs_deg", 3)
+POSITION = ("pos m", "position_rms_over_runs_m", 1)
+
+
 def result_tables(results: Results) -> Iterator[Table]:
     """A table per trajectory, narrow enough for 80 columns."""
-    for (trajectory,), rows in results.summary.group_by("trajectory", maintain_order=True):
+    summary = results.summary.with_columns((100.0 * pl.col("rejected_fraction")).alias("rejected_percent"))
+    for (trajectory,), rows in summary.group_by("trajectory", maintain_order=True):
         settings = results.manifest["scenarios"][trajectory]["configuration"]["trajectory"]
         last = ("NIS", "nis_mean_over_runs_and_fixes", 2)
         if settings.get("feedback") == "estimate":
             last = ("xtrack m", "cross_track_rms_over_runs_and_time_m", 1)
-        columns = (
-            ("v m/s", "velocity_rms_over_runs_mps", 3), ("95 %", "", 0), ("att deg", "attitude_rms_over_runs_deg", 3),
-            ("pos m", "position_rms_over_runs_m", 1), ("NEES", "nees_mean_over_runs_and_time", 1), last,
+        columns = [
+            ATTITUDE, POSITION, ("NEES", "nees_mean_over_runs_and_time", 1), last,
             ("rej %", "rejected_percent", 2),
-        )  # fmt: skip
-        cells = []
-        percent = (100.0 * pl.col("rejected_fraction")).alias("rejected_percent")
-        for row in rows.with_columns(percent).iter_rows(named=True):
-            ends = (plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi"))
-            interval = " .. ".join(ends)
-            numbers = (
-                plain(row[key], digits=4, decimals=decimals) if key else interval
-                for _, key, decimals in columns
-            )
-            cells.append([row["method"], *numbers])
-        heads = ["method", *(name for name, _, _ in columns)]
-        yield narrow_table(f"{trajectory}: RMS over runs at the end", heads, cells)
+        ]  # fmt: skip
+        yield narrow_table(f"{trajectory}: RMS over runs at the end", *error_rows(rows, columns))
 
 
 def print_results(results: Results, out: Path, *, as_json: bool = False) -> None:
     """Prints the tables, and the settings that they belong to; or a row per trajectory and method as JSON."""
     if as_json:
         rows = results.summary.fill_nan(None).to_dicts()
-        console.file.write(json_text({"out": str(out), "results": rows}))
+        print_json({"out": str(out), "results": rows})
         return
     for table in result_tables(results):
         console.print(table)
     manifest = results.manifest
     scenarios = manifest["scenarios"]
-    if any(one["configuration"]["trajectory"].get("feedback") == "estimate" for one in scenarios.values()):
+    if any(
+        scenario["configuration"]["trajectory"].get("feedback") == "estimate"
+        for scenario in scenarios.values()
+    ):
         console.print(
             "Guidance used the estimate; xtrack is the true cross-track error, RMS over time and runs."
         )
@@ -85,15 +97,21 @@ def _print_costs(results: Results) -> None:
 
 
 @contextmanager
-def progress_bar(total: float | None = None) -> Iterator[Callable[[CampaignProgress], None]]:
+def progress_bar(
+    out: Path, total: float | None = None, *, kept: str = "chunks"
+) -> Iterator[Callable[[CampaignProgress], None]]:
     """A bar over runs with rate and time left, for any number of campaigns; shown from the first report on.
 
+    Ctrl-C ends the command, and says how to resume.
+
     Args:
+        out: directory of the campaigns.
         total: runs of all campaigns; those of the one campaign by default.
+        kept: what is there after Ctrl-C.
     """
     done: dict[str, float] = {}
-
-    with late_bar("running", MofNCompleteColumn(), _Rate()) as update:
+    resumes = f"finished {kept} are kept in {out}: the same command resumes"
+    with late_bar("running", MofNCompleteColumn(), _Rate(), interrupted=resumes) as update:
 
         def report(state: CampaignProgress) -> None:
             done[state.trajectory] = state.runs_done

@@ -34,9 +34,9 @@ def split_common(arguments: Sequence[str]) -> tuple[list[str], Common]:
     (['run', 'straight', '--', '-v'], Common(quiet=True, verbose=False, no_progress=False))
     """
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    found = {_FLAGS[word]: True for word in arguments[:end] if word in _FLAGS}
+    flags = {_FLAGS[word]: True for word in arguments[:end] if word in _FLAGS}
     rest = [word for word in arguments[:end] if word not in _FLAGS]
-    return [*rest, *arguments[end:]], Common(**found)
+    return [*rest, *arguments[end:]], Common(**flags)
 
 
 def peak_memory_mb() -> float:

@@ -16,24 +16,24 @@ COLUMNS = 7
 """Campaigns beside one another in 80 columns."""
 
 
-def print_comparison(made: Comparison) -> None:
+def print_comparison(comparison: Comparison) -> None:
     """Prints the errors at the end, a column for each campaign, and where the page is."""
-    labels = made.table["campaign"].unique(maintain_order=True).to_list()
+    labels = comparison.table["campaign"].unique(maintain_order=True).to_list()
     for number, label in enumerate(labels, start=1):
-        words = " (differences are to this one)" if label == made.reference else ""
-        say(f"{number:>3}  {label}{words}")
-    for (trajectory,), rows in made.table.group_by("trajectory", maintain_order=True):
+        remark = " (differences are to this one)" if label == comparison.reference else ""
+        say(f"{number:>3}  {label}{remark}")
+    for (trajectory,), rows in comparison.table.group_by("trajectory", maintain_order=True):
         for quantity, unit, decimals in SHOWN:
             part = rows.filter(rows["quantity"] == quantity)
             for first in range(0, len(labels), COLUMNS):
                 here = range(first, min(first + COLUMNS, len(labels)))
                 console.print(_table(part, labels, here, f"{trajectory}: {quantity}{unit}", decimals))
     console.print("* differs from the reference: the 95 % interval of the difference excludes zero")
-    for trajectory, whys in made.unpaired.items():
+    for trajectory, whys in comparison.unpaired.items():
         for label, why in whys.items():
-            say(f"not paired with {made.reference}: {label} on {trajectory} ({why})")
-    if made.page is not None:
-        say(f"wrote {made.page} and compare.parquet")
+            say(f"not paired with {comparison.reference}: {label} on {trajectory} ({why})")
+    if comparison.page is not None:
+        say(f"wrote {comparison.page} and compare.parquet")
 
 
 def _table(rows: pl.DataFrame, labels: list[str], columns: range, title: str, decimals: int) -> Table:

@@ -1,12 +1,12 @@
 """The consoles of the command, its exit codes, and the tables and messages that commands share."""
 
+import json
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 
@@ -114,19 +114,24 @@ def prepare_consoles(common: "Common | None" = None) -> None:
         warnings.simplefilter("always", Note)
 
 
-def interrupted(out: Path, *, kept: str = "chunks") -> NoReturn:
-    """Says how to resume, and ends the command."""
-    errors.print(f"interrupted; finished {kept} are kept in {out}: the same command resumes")
-    sys.exit(EXIT_INTERRUPTED)
+def note(line: str) -> None:
+    """Prints a line about the run, as the program's, beside its results."""
+    errors.print(f"bottomlock: {line}")
+
+
+def print_json(content: object, *, sort_keys: bool = True) -> None:
+    """Prints JSON for a program in place of tables for a reader."""
+    console.file.write(json.dumps(content, indent=2, sort_keys=sort_keys, ensure_ascii=sort_keys) + "\n")
 
 
 @contextmanager
-def late_bar(words: str, *columns: "ProgressColumn") -> Iterator[Callable[..., None]]:
+def late_bar(label: str, *columns: "ProgressColumn", interrupted: str = "") -> Iterator[Callable[..., None]]:
     """A bar that the first report starts: what is refused before it leaves none on the screen.
 
     Args:
-        words: before the bar.
+        label: before the bar.
         columns: after it, before the time left.
+        interrupted: what to print after Ctrl-C, which then ends the command; "" for as Python ends it.
 
     Yields:
         Takes the keywords of `rich.progress.Progress.update`; with `anew` the clock of the rate starts again.
@@ -135,7 +140,7 @@ def late_bar(words: str, *columns: "ProgressColumn") -> Iterator[Callable[..., N
 
     shown = (TextColumn("{task.description:>12}", markup=False), BarColumn(), *columns, TextColumn("left"))
     bar = Progress(*shown, TimeRemainingColumn(), console=errors, disable=bars_are_off())
-    task = bar.add_task(words, total=None)
+    task = bar.add_task(label, total=None)
 
     def report(*, anew: bool = False, **changes: Any) -> None:  # noqa: ANN401 - as rich has them
         bar.start()
@@ -145,6 +150,11 @@ def late_bar(words: str, *columns: "ProgressColumn") -> Iterator[Callable[..., N
 
     try:
         yield report
+    except KeyboardInterrupt:
+        if not interrupted:
+            raise
+        errors.print(f"interrupted; {interrupted}")
+        sys.exit(EXIT_INTERRUPTED)
     finally:
         if bar.live.is_started:
             bar.stop()

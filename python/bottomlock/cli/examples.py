@@ -35,4 +35,4 @@ EXAMPLES = {
 def epilogue(command: str) -> str:
     """The last lines of a command's help."""
     # Two spaces at the end of a line keep its break.
-    return "Examples:  \n" + "  \n".join(f"{NAME} {one}" for one in EXAMPLES[command])
+    return "Examples:  \n" + "  \n".join(f"{NAME} {example}" for example in EXAMPLES[command])

@@ -15,7 +15,7 @@ from bottomlock.audit.findings import LOCK_ADVICE
 from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
-from bottomlock.cli.parameters import Robust, beside, check_ending, check_option, geometry_of
+from bottomlock.cli.parameters import Out, Robust, beside, check_ending, check_option, geometry_of
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.overwriting import check_free
@@ -33,18 +33,18 @@ def print_noise(noise: BeamNoise, sd_mps: NDArray[np.float64]) -> None:
     """A line per group of pings: claimed and measured standard deviation, their ratio, and the tail."""
     claimed = 1e3 * float(rms(sd_mps))
     for group in noise.groups:
-        words = f"beam noise, {group.name}: claimed sd {claimed:.3g} mm/s, "
+        line = f"beam noise, {group.name}: claimed sd {claimed:.3g} mm/s, "
         if group.fallback:
             use = f"factor {group.factor:.3g} is used" if group.factor != 1.0 else "the claimed sd is used"
-            words += f"not measured ({group.fallback}); {use}"
+            line += f"not measured ({group.fallback}); {use}"
         else:
             _, two, three = group.halfwidths
-            words += (
+            line += (
                 f"measured {claimed * group.factor:.3g} mm/s on {group.pings} pings with every beam, factor "
                 f"{group.factor:.3g}; Student's t with {group.degrees:.3g} degrees of freedom: 95.4 % within "
                 f"{two:.3g} sd, 99.7 % within {three:.3g} sd"
             )
-        console.print(words, highlight=False)
+        console.print(line, highlight=False)
 
 
 SCORED = ("error_median_mps", "error_p95_mps", "sd_median_mps", "normalised_robust")
@@ -146,7 +146,7 @@ def fix(
         str | None,
         Parameter(help=f"Method: {', '.join(FIX_METHODS)}; {METHOD} by default. With --leave-out each."),
     ] = None,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     robust: Robust = True,
     leave_out: int | None = None,
     walk_mps_per_rt_s: float = 0.1,

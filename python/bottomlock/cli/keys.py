@@ -1,14 +1,12 @@
 """The command `bottomlock keys`: every key of the files that a user writes, and their JSON schemas."""
 
 import dataclasses
-import json
-import sys
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from pydantic import BaseModel
 
-from bottomlock.cli.console import say
+from bottomlock.cli.console import print_json, say
 from bottomlock.config.key_reference import Key, KeySection, sections_of
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
@@ -50,19 +48,22 @@ def keys(
             )
         dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
         content = dialect | MODELS[kind].model_json_schema()
-        text = json.dumps(content, indent=2, ensure_ascii=False)
-        sys.stdout.write(f"{text}\n")
+        print_json(content, sort_keys=False)
         return
-    found = matching(reference(kind), word)
-    if not found:
-        names = {part for one in reference(kind) for part in (one.path, *(key.name for key in one.keys))}
+    sections = matching(reference(kind), word)
+    if not sections:
+        names = {
+            part
+            for section in reference(kind)
+            for part in (section.path, *(key.name for key in section.keys))
+        }
         hint = did_you_mean(word, sorted(names))
         raise ScenarioError(f"no section or key of a {kind} file contains '{word}'{hint}")
     if as_json:
-        sys.stdout.write(json.dumps([_content(one) for one in found], indent=2, ensure_ascii=False) + "\n")
+        print_json([_content(section) for section in sections], sort_keys=False)
         return
-    for one in found:
-        say(_words(one))
+    for section in sections:
+        say(_words(section))
 
 
 def reference(kind: Kind) -> list[KeySection]:
@@ -72,12 +73,14 @@ def reference(kind: Kind) -> list[KeySection]:
 
 def matching(sections: list[KeySection], word: str) -> list[KeySection]:
     """The sections whose path contains a word, whole, and the matching keys of the others."""
-    found = []
-    for one in sections:
-        kept = one.keys if word in one.path else tuple(key for key in one.keys if word in key.name)
+    kept_sections = []
+    for section in sections:
+        kept = (
+            section.keys if word in section.path else tuple(key for key in section.keys if word in key.name)
+        )
         if kept:
-            found.append(dataclasses.replace(one, keys=kept))
-    return found
+            kept_sections.append(dataclasses.replace(section, keys=kept))
+    return kept_sections
 
 
 def _content(section: KeySection) -> dict[str, object]:

@@ -8,13 +8,12 @@ from cyclopts import Parameter
 from numpy.typing import NDArray
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import console, narrow_table, say
+from bottomlock.cli.console import console, narrow_table, print_json, say
 from bottomlock.cli.parameters import Json
 from bottomlock.config.instrument_grades import KINDS, grades, listing
 from bottomlock.config.packaged import copy_packaged
 from bottomlock.config.scenario import packaged_scenarios
 from bottomlock.figures.palette import stroke
-from bottomlock.files.atomic_write import json_text
 from bottomlock.io.beams import packaged_geometries, read_geometry, read_instrument_file
 from bottomlock.io.formats import BYTES, PATHS
 from bottomlock.kernel import METHODS
@@ -53,7 +52,7 @@ def list_(
         then = f"; edit it, then: bottomlock run {file}" if kind == "scenarios" else ""
         say(f"wrote {file}{then}")
     elif json:
-        console.file.write(json_text(described(kind)))
+        print_json(described(kind))
     elif kind == "geometries":
         for name in packaged_geometries():
             console.print(text_of(name), highlight=False)
@@ -74,10 +73,10 @@ def described(kind: Kind) -> dict[str, str]:
     if kind == "geometries":
         return {name: read_instrument_file(name).name for name in packaged_geometries()}
     if kind == "grades":
-        return {f"{of}/{one.name}": one.title for of in KINDS for one in grades(of).values()}
+        return {f"{of}/{grade.name}": grade.title for of in KINDS for grade in grades(of).values()}
     if kind == "methods":
-        return {name: stroke(name).words for name in (*METHODS, DEAD_RECKONING)}
-    return {one.name: one.title for one in (*BYTES, *PATHS)}
+        return {name: stroke(name).meaning for name in (*METHODS, DEAD_RECKONING)}
+    return {form.name: form.title for form in (*BYTES, *PATHS)}
 
 
 def text_of(name: str) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import EXIT_DEPARTURE, errors, say
+from bottomlock.cli.console import EXIT_DEPARTURE, errors, note, say
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_apart, check_free
@@ -68,19 +68,19 @@ def live(
         )
     _check_without_ros(config, settings)
     for caution in cautions(settings):
-        _say(caution)
+        note(caution)
     clock = host_clock()
-    engine, log = begin(settings, config.read_bytes(), say=_say, clock=clock, logged=not dry_run)
+    engine, log = begin(settings, config.read_bytes(), say=note, clock=clock, logged=not dry_run)
     send = _shown(settings, engine) if dry_run else None
     _run(
-        Live(settings, engine, say=_say, log=log, send=send, clock=clock),
+        Live(settings, engine, say=note, log=log, send=send, clock=clock),
         patience_s=PATIENCE_S if dry_run else None,
     )
 
 
 def _check_without_ros(config: Path, settings: LiveConfig) -> None:
     """Raises for what only the ROS 2 node can open."""
-    named = [one.address for one in settings.source] + [one.to for one in settings.port]
+    named = [source.address for source in settings.source] + [port.to for port in settings.port]
     named += [] if settings.diagnostics is None else [settings.diagnostics.to]
     topic = next((address for address in named if address.startswith("ros:")), None)
     if topic is not None:
@@ -95,7 +95,7 @@ def _check_without_ros(config: Path, settings: LiveConfig) -> None:
 
 def _files(config: Path, settings: LiveConfig) -> tuple[list[Path], list[Path]]:
     """The files that are written, and those that are read."""
-    written = [Path(one.to.removeprefix("file:")) for one in settings.port if one.to.startswith("file:")]
+    written = [Path(port.to.removeprefix("file:")) for port in settings.port if port.to.startswith("file:")]
     written += [] if settings.checkpoint is None else [Path(settings.checkpoint.file)]
     return written, [config, Path(settings.dvl.geometry)]
 
@@ -106,10 +106,6 @@ def _init(config: Path, instrument: str, autopilot: str, *, force: bool) -> None
     check_free(config, force=force)
     write_text(config, text)
     say(f"wrote {config}; edit it, then: bottomlock live --dry-run {config}")
-
-
-def _say(words: str) -> None:
-    errors.print(f"bottomlock: {words}", markup=False)
 
 
 def _shown(settings: LiveConfig, engine: Engine) -> Callable[[Message], None]:
@@ -134,7 +130,7 @@ async def _pinged(running: Live, patience_s: float | None) -> None:
     Raises:
         DataError: where none does, with what each source does.
     """
-    pings = next(one for one in running.engine.sources if one.section.format in DVL_FORMATS)
+    pings = next(source for source in running.engine.sources if source.section.format in DVL_FORMATS)
     task = asyncio.create_task(running.run())
     try:
         async with asyncio.timeout(patience_s):
@@ -156,7 +152,7 @@ async def _pinged(running: Live, patience_s: float | None) -> None:
 def _run(running: Live, *, patience_s: float | None = None) -> None:
     async def until_stopped() -> None:
         cancel_at_signals()
-        others = [asyncio.create_task(serve_page(running, _say))]
+        others = [asyncio.create_task(serve_page(running, note))]
         if sys.stderr.isatty() and running.sinks:
             from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
 
@@ -170,9 +166,9 @@ def _run(running: Live, *, patience_s: float | None = None) -> None:
     # What the start has made stays: the collector need not look at it while a ping waits.
     gc.freeze()
     asyncio.run(until_stopped())
-    for one in running.engine.ports:
-        last = f"; last silent because {one.silent_because}" if one.silent_because else ""
-        _say(f"port {one.name}: {one.sent} messages{last}")
+    for port in running.engine.ports:
+        last = f"; last silent because {port.silent_because}" if port.silent_because else ""
+        note(f"port {port.name}: {port.sent} messages{last}")
 
 
 async def serve_page(running: Live, say: Say) -> None:
@@ -185,7 +181,7 @@ async def serve_page(running: Live, say: Say) -> None:
         section.host,
         section.port,
         names=section.names,
-        say=lambda words: say(f"health page: {words}"),
+        say=lambda text: say(f"health page: {text}"),
     )
     try:
         await server.run(lambda: say(f"health page {server.url}"))

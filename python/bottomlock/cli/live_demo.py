@@ -126,8 +126,8 @@ def live_demo(*, seconds: float = 60.0, speed: float = 1.0, page_port: int = 0) 
     )
     demo = _Demo(scenario, readings_of_scenario(scenario), seconds, speed, page_port)
     asyncio.run(demo.run())
-    for words in demo.summary():
-        _say(words)
+    for sentence in demo.summary():
+        _say(sentence)
 
 
 def _check(seconds: float, speed: float, page_port: int) -> None:
@@ -141,8 +141,8 @@ def _check(seconds: float, speed: float, page_port: int) -> None:
     check_option("--page-port", page_port, "0 to 65535", holds=0 <= page_port <= 65_535)
 
 
-def _say(words: str) -> None:
-    say(words)
+def _say(text: str) -> None:
+    say(text)
     console.file.flush()
 
 
@@ -230,15 +230,15 @@ class _Demo:
         tasks = [asyncio.create_task(self._play(channels, opened, clock))]
         try:
             await _first(tasks[0], opened)
-            places = {one.name: one.sink.where for one in channels}
+            places = {channel.name: channel.sink.where for channel in channels}
             places["port"] = f"udpout:127.0.0.1:{hearing.get_extra_info('sockname')[1]}"
             settings = demo_config(
                 self.scenario, self.readings, places, page_port=self.page_port, speed=self.speed
             )
             self.live = Live(settings, Engine(settings), say=self._said, clock=clock)
             tasks += [
-                asyncio.create_task(one)
-                for one in (serve_page(self.live, _say), self.live.run(), self._lines(clock))
+                asyncio.create_task(task)
+                for task in (serve_page(self.live, _say), self.live.run(), self._lines(clock))
             ]
             await asyncio.wait(tasks, timeout=self.seconds / self.speed, return_when=asyncio.FIRST_EXCEPTION)
         finally:
@@ -273,10 +273,10 @@ class _Demo:
             channels, speed=self.speed, opened=opened.set, offset_ns=begin, sent=lambda _part, _record: None
         )
 
-    def _said(self, words: str) -> None:
+    def _said(self, text: str) -> None:
         """Prints what `live` says, but for its connections, which are all there."""
-        if not words.startswith("source "):
-            _say(words)
+        if not text.startswith("source "):
+            _say(text)
 
     async def _lines(self, clock: Clock) -> None:
         """Prints a line a second."""
@@ -297,15 +297,15 @@ class _Demo:
         yield f"{len(heard)} ODOMETRY messages received of {sent} sent"
         if not heard or truth is None or self.offset_ns is None:
             return
-        yield "states: " + " → ".join(state for state, _ in groupby(one.state for one in heard))
-        times = np.array([one.time_ns for one in heard]) - self.offset_ns
+        yield "states: " + " → ".join(state for state, _ in groupby(message.state for message in heard))
+        times = np.array([message.time_ns for message in heard]) - self.offset_ns
         true = np.stack(
             [np.interp(times, self.readings.time_ns, axis) for axis in truth.velocity_p_mps.T], axis=1
         )
-        error = np.linalg.norm(np.stack([one.velocity_mps for one in heard]) - true, axis=1)
-        sd = np.array([np.linalg.norm(one.sd_mps) for one in heard])
-        for state in dict.fromkeys(one.state for one in heard):
-            there = np.array([one.state == state for one in heard])
+        error = np.linalg.norm(np.stack([message.velocity_mps for message in heard]) - true, axis=1)
+        sd = np.array([np.linalg.norm(message.sd_mps) for message in heard])
+        for state in dict.fromkeys(message.state for message in heard):
+            there = np.array([message.state == state for message in heard])
             yield (
                 f"{state}: velocity error {np.sqrt((error[there] ** 2).mean()):.3f} m/s RMS over {there.sum()} "
                 f"messages, 1σ sent {np.sqrt((sd[there] ** 2).mean()):.3f} m/s"
@@ -315,14 +315,14 @@ class _Demo:
 def line(run_s: float, shown: dict[str, Any], listener: Listener) -> str:
     """State, beams, velocity with 1 sigma as received last, messages received."""
     beams = " ".join(
-        "-" if one["velocity_mps"] is None else str(k) for k, one in enumerate(shown["beams"], 1)
+        "-" if beam["velocity_mps"] is None else str(k) for k, beam in enumerate(shown["beams"], 1)
     )
-    words = "nothing received yet"
+    velocity = "nothing received yet"
     if listener.heard:
         last = listener.heard[-1]
         pairs = zip(last.velocity_mps, last.sd_mps, strict=True)
-        words = "  ".join(f"{v:+.3f} ± {sd:.3f}" for v, sd in pairs) + " m/s"
-    return f"{run_s:6.1f} s  {shown['state']:12}  beams {beams}  {words}  {len(listener.heard)} messages"
+        velocity = "  ".join(f"{v:+.3f} ± {sd:.3f}" for v, sd in pairs) + " m/s"
+    return f"{run_s:6.1f} s  {shown['state']:12}  beams {beams}  {velocity}  {len(listener.heard)} messages"
 
 
 async def _first(task: "asyncio.Task[None]", opened: asyncio.Event) -> None:

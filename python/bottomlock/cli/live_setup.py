@@ -32,15 +32,15 @@ def live_setup(
     kept = SetupFolder(folder)
     process = LiveProcess(kept.config, _say)
     try:
-        known = [ipaddress.ip_network(one) for one in networks]
+        known = [ipaddress.ip_network(network) for network in networks]
     except ValueError as error:
         raise ScenarioError(error, key="--networks", expected="networks as 192.168.2.0/24") from error
     server = SetupServer(kept, process, host, port, names=names, networks=known, say=_say)
     asyncio.run(_serve(kept, process, server))
 
 
-def _say(words: str) -> None:
-    errors.print(words, markup=False, highlight=False, soft_wrap=True)
+def _say(text: str) -> None:
+    errors.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _go_on(kept: SetupFolder, process: LiveProcess) -> None:

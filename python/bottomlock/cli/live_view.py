@@ -63,8 +63,8 @@ def _velocity(shown: dict[str, Any]) -> Table:
 
 def _reference(shown: dict[str, Any]) -> list[Text]:
     off = [
-        f"{angle} {math.degrees(one['error_rad']):.2f}° ± {math.degrees(one['sd_rad']):.2f}°"
-        for angle, one in shown["reference"].items()
+        f"{angle} {math.degrees(error['error_rad']):.2f}° ± {math.degrees(error['sd_rad']):.2f}°"
+        for angle, error in shown["reference"].items()
     ]
     gated = [f"{n} x {sensor}" for sensor, n in shown["gated"].items()]
     known = shown["water"] or {"current_mps": (), "current_sd_mps": ()}
@@ -75,22 +75,27 @@ def _reference(shown: dict[str, Any]) -> list[Text]:
         ("current", water),
         ("rejected by the gate", gated),
     )
-    return [Text(f"{what}: {', '.join(found)}") for what, found in parts if found]
+    return [Text(f"{what}: {', '.join(values)}") for what, values in parts if values]
 
 
 def _sources(shown: dict[str, Any]) -> Table:
     rows = []
-    for one in shown["sources"]:
-        reasons = "; ".join(f"{n} x {why}" for why, n in (one["skipped"] | one["refused"]).items())
-        counts = [_number(one["age_s"], 1), str(one["taken"])]
-        rows.append([one["name"], Text(one["connection"]), *counts, Text(reasons)])
+    for source in shown["sources"]:
+        reasons = "; ".join(f"{n} x {why}" for why, n in (source["skipped"] | source["refused"]).items())
+        counts = [_number(source["age_s"], 1), str(source["taken"])]
+        rows.append([source["name"], Text(source["connection"]), *counts, Text(reasons)])
     return _grid(("source", "connection", "age, s", "taken", "not used"), rows, ("age, s", "taken"))
 
 
 def _ports(shown: dict[str, Any]) -> Table:
     rows = [
-        [one["port"], Text(f"{one['to']}: {one['target']}"), str(one["sent"]), Text(one["silent_because"])]
-        for one in shown["ports"]
+        [
+            port["port"],
+            Text(f"{port['to']}: {port['target']}"),
+            str(port["sent"]),
+            Text(port["silent_because"]),
+        ]
+        for port in shown["ports"]
     ]
     return _grid(("port", "target", "sent", "silent because"), rows, ("sent",))
 

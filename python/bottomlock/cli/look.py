@@ -8,14 +8,14 @@ from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import say
-from bottomlock.cli.parameters import Threads, beside
+from bottomlock.cli.parameters import Out, Threads, beside
 from bottomlock.cli.replay import first_of, init_case, replay
 from bottomlock.replay.report import PAGE
 
 
 def look(
     *files: Path,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     open_page: Annotated[bool, Parameter(name="--open", negative="--no-open")] = True,
     threads: Threads = 0,
     force: Force = False,

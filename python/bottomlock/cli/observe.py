@@ -2,35 +2,34 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import polars as pl
-from cyclopts import Parameter
 from rich.table import Table
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
-from bottomlock.cli.parameters import beside
+from bottomlock.cli.parameters import Out, beside
 from bottomlock.errors import ScenarioError
 from bottomlock.observability.report import Observed, observe_paper, observe_scenario
 
 _SIGNS = {"observable": "", "unobservable": "*", "undecided": "?"}
 
 
-def console_lines(made: Observed) -> Iterator[str | Table]:
+def console_lines(observed: Observed) -> Iterator[str | Table]:
     """Lines and tables, in the order in which they are read."""
-    if made.own is None or made.manoeuvres is None:
-        yield _cases(made.table)
+    if observed.own is None or observed.manoeuvres is None:
+        yield _cases(observed.table)
         return
     yield "Rank by the beams that return (? is undecided)."
-    yield _masks(made.table, made.own)
-    yield f"Unobservable with {made.own}, SI:"
-    for direction in made.table.filter(aiding=made.own)["unobservable"].explode().drop_nulls():
+    yield _masks(observed.table, observed.own)
+    yield f"Unobservable with {observed.own}, SI:"
+    for direction in observed.table.filter(aiding=observed.own)["unobservable"].explode().drop_nulls():
         yield f"  {direction}"
     yield ""
-    yield f"Deviation left by a manoeuvre of about a minute with {made.manoeuvres['aiding'][0]}, % of the initial"
+    yield f"Deviation left by a manoeuvre of about a minute with {observed.manoeuvres['aiding'][0]}, % of the initial"
     yield "(* the state is unobservable, ? undecided)."
-    yield _ranking(made.manoeuvres)
+    yield _ranking(observed.manoeuvres)
 
 
 def _rank(row: dict[str, Any]) -> str:
@@ -50,10 +49,10 @@ def _cases(rows: pl.DataFrame) -> Table:
     return narrow_table("", ["case", "printed", "exact", "computed", "gap", "verdict"], cells)
 
 
-def _masks(rows: pl.DataFrame, own: str) -> Table:
+def _masks(rows: pl.DataFrame, aiding: str) -> Table:
     cells = [
         [
-            row["aiding"] + ("  < this scenario" if row["aiding"] == own else ""),
+            row["aiding"] + ("  < this scenario" if row["aiding"] == aiding else ""),
             _rank(row), str(row["states"]), f"{row['gap']:.0e}",
         ]
         for row in rows.iter_rows(named=True)
@@ -79,7 +78,7 @@ def _ranking(rows: pl.DataFrame) -> Table:
 def observe(
     scenario: str | None = None,
     *,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     paper: bool = False,
     force: Force = False,
 ) -> None:
@@ -95,9 +94,9 @@ def observe(
     if paper == (scenario is not None):
         raise ScenarioError(expected="either a scenario or --paper")
     out = out or beside(Path(scenario or "paper"), "states")
-    made = (
+    observed = (
         observe_paper(out, force=force) if scenario is None else observe_scenario(scenario, out, force=force)
     )
-    for part in console_lines(made):
+    for part in console_lines(observed):
         console.print(part, highlight=False)
     say(f"wrote {'a table' if scenario is None else 'tables and a figure'} to {out}")

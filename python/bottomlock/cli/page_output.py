@@ -31,15 +31,15 @@ def print_blocks(heading: str, blocks: Sequence[Block]) -> None:
         elif isinstance(block, Table):
             print_table(plain_text(heading), block)
         elif isinstance(block, Terms):
-            for term, words in block.rows:
-                console.print(f"{plain_text(term)}: {plain_text(words)}")
+            for term, meaning in block.rows:
+                console.print(f"{plain_text(term)}: {plain_text(meaning)}")
         elif isinstance(block, Folded):
             print_blocks(heading, block.blocks)
 
 
-def print_headline(words: Sequence[str]) -> None:
+def print_headline(pieces: Sequence[str]) -> None:
     """Prints the one conclusion of a page, its verdict in colour."""
-    console.print(Text(" ").join(coloured(piece, "bold") for piece in words), highlight=False)
+    console.print(Text(" ").join(coloured(piece, "bold") for piece in pieces), highlight=False)
 
 
 def coloured(cell: str, style: str = "") -> Text:

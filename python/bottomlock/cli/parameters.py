@@ -15,6 +15,7 @@ from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.simulation.own_path import resolved
 from bottomlock.studies.cases import in_world
 
+Out = Annotated[Path | None, Parameter(alias="-o")]
 CampaignOut = Annotated[
     Path,
     Parameter(
@@ -89,13 +90,38 @@ def check_ending(path: Path, ending: str) -> None:
         raise OutputError(place=path, expected=f"a name that ends in {ending}")
 
 
+def check_case(case: Path) -> None:
+    """Rejects what is no case file, by its name.
+
+    Raises:
+        ScenarioError: naming it.
+    """
+    if case.is_dir():
+        raise ScenarioError(
+            "is a folder",
+            place=case,
+            expected="a case file (TOML)",
+            hint="of a replay's folder --export takes the tracks along",
+        )
+    if not case.exists():
+        raise ScenarioError(
+            "no such file or folder", place=case, expected="a case (TOML), or the folder of a replay"
+        )
+    if case.suffix.lower() != ".toml":
+        raise ScenarioError(
+            "not a case file (TOML)",
+            place=case,
+            hint=f"bottomlock replay --init {case} ... writes one from logs",
+        )
+
+
 def load_scenarios(
     names: Sequence[str],
     *,
-    runs: int | None,
-    seed: int | None,
-    methods: str | None,
-    threads: int,
+    runs: int | None = None,
+    seed: int | None = None,
+    methods: str | None = None,
+    threads: int = 0,
     world: str | None = None,
 ) -> list[Scenario]:
     """The scenarios of a command line, with its overrides, in a world of another one where it is named.
@@ -116,9 +142,9 @@ def load_scenarios(
     if world is not None:
         surroundings = load_scenario(world)
         loaded = [in_world(scenario, surroundings) for scenario in loaded]
-    found = [scenario.name for scenario in loaded]
-    if len(set(found)) != len(found):
-        raise ScenarioError(expected=f"scenarios of different names, got {found}")
+    scenario_names = [scenario.name for scenario in loaded]
+    if len(set(scenario_names)) != len(scenario_names):
+        raise ScenarioError(expected=f"scenarios of different names, got {scenario_names}")
     return loaded
 
 

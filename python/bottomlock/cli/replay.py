@@ -1,6 +1,5 @@
 """The command `bottomlock replay`: recorded dives with all their beams and with fewer."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -8,10 +7,10 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import MofNCompleteColumn
 
-from bottomlock.cli.console import console, errors, late_bar, say
+from bottomlock.cli.console import console, late_bar, say
 from bottomlock.cli.page_output import print_blocks, print_headline, print_part
-from bottomlock.cli.parameters import Threads, beside, check_ending, check_threads, split
-from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
+from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_ending, check_threads, split
+from bottomlock.errors import ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
 from bottomlock.files.overwriting import check_free
@@ -31,7 +30,7 @@ from bottomlock.tables.replay import ReplayTables
 
 def replay(
     *files: Path,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     init: bool = False,
     without: list[str] | None = None,
     methods: str | None = None,
@@ -75,7 +74,7 @@ def replay(
             )
         _export(case, formats, split(methods), force=force)
         return
-    _check_case(case)
+    check_case(case)
     out = out or beside(case, "replay")
     check_threads(threads)
     loaded, chosen = load_case(case), split(methods)
@@ -89,15 +88,12 @@ def replay(
         check_free(write_calibration, inputs=inputs, force=force)
         writing_method(loaded, read_geometry(loaded.dvl.geometry))
     reruns = 1 + len(loaded.what_if)
-    try:
-        with late_bar("replaying", MofNCompleteColumn()) as report:
-            replayed = run_and_report(
-                loaded, out, inputs=[case], threads=threads, force=force,
-                progress=lambda done: report(total=reruns, completed=done),
-            )  # fmt: skip
-    except KeyboardInterrupt:
-        errors.print(f"interrupted; nothing was written to {out}")
-        sys.exit(EXIT_INTERRUPTED)
+    nothing = f"nothing was written to {out}"
+    with late_bar("replaying", MofNCompleteColumn(), interrupted=nothing) as report:
+        replayed = run_and_report(
+            loaded, out, inputs=[case], threads=threads, force=force,
+            progress=lambda done: report(total=reruns, completed=done),
+        )  # fmt: skip
     print_results(replayed)
     if write_calibration is not None:
         instrument = read_geometry(loaded.dvl.geometry)
@@ -126,27 +122,6 @@ def _only(files: Sequence[Path]) -> Path:
     return files[0]
 
 
-def _check_case(case: Path) -> None:
-    """Checks the name of a case."""
-    if case.is_dir():
-        raise ScenarioError(
-            "is a folder",
-            place=case,
-            expected="a case file (TOML)",
-            hint="of a replay's folder --export takes the tracks along",
-        )
-    if not case.exists():
-        raise ScenarioError(
-            "no such file or folder", place=case, expected="a case (TOML), or the folder of a replay"
-        )
-    if case.suffix.lower() != ".toml":
-        raise ScenarioError(
-            "not a case file (TOML)",
-            place=case,
-            hint=f"bottomlock replay --init {case} ... writes one from logs",
-        )
-
-
 def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None, *, force: bool) -> None:
     """Exports a replay and names the files."""
     for path in export_replay(folder, formats, methods=methods, force=force):
@@ -156,15 +131,15 @@ def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None,
 def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
     check_ending(out, ".toml")
-    made = make_case(files, out, force=force, without=without)
-    for line in made.words:
+    first = make_case(files, out, force=force, without=without)
+    for line in first.words:
         say(line)
-    beside = f", and beside it {', '.join(path.name for path in made.written)}" if made.written else ""
+    beside = f", and beside it {', '.join(path.name for path in first.written)}" if first.written else ""
     say(
-        f"wrote {out}{beside}: {made.guesses} guesses with their reasons, {len(assumed(made.entries))} assumptions, "
-        f"{len(made.questions)} questions (# ?) to answer"
+        f"wrote {out}{beside}: {first.guesses} guesses with their reasons, {len(assumed(first.entries))} assumptions, "
+        f"{len(first.questions)} questions (# ?) to answer"
     )
-    for question in made.questions:
+    for question in first.questions:
         say(f"? {question}")
     say(f"now: bottomlock replay {out}")
 

@@ -1,7 +1,7 @@
 """The commands `bottomlock reproduce` and `bottomlock report`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -9,8 +9,8 @@ from bottomlock.campaign.run import check_campaign
 from bottomlock.cli.campaign_output import progress_bar
 from bottomlock.cli.common import Force, ForceStudy
 from bottomlock.cli.compare import print_comparison
-from bottomlock.cli.console import console, interrupted
-from bottomlock.cli.parameters import Seed, StudyOut, Threads, check_threads
+from bottomlock.cli.console import console
+from bottomlock.cli.parameters import Out, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.compare import compare
@@ -35,19 +35,15 @@ def reproduce(
     check_threads(threads)
     scenarios = whole_study.study_scenarios(runs, seed)
     check_campaign(scenarios, out, force=force)
-    try:
-        with progress_bar(whole_study.study_runs(runs)) as progress:
-            made = whole_study.reproduce(
-                out, runs=runs, seed=seed, threads=threads, force=force, progress=progress
-            )
-    except KeyboardInterrupt:
-        interrupted(out)
-    print_report(made)
+    with progress_bar(out, whole_study.study_runs(runs)) as progress:
+        settings: Any = {"runs": runs, "seed": seed, "threads": threads, "force": force}
+        written = whole_study.reproduce(out, progress=progress, **settings)
+    print_report(written)
 
 
 def report(
     *directory: Path,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     against: str | None = None,
     force: Force = False,
 ) -> None:
@@ -80,12 +76,12 @@ def report(
         print_report(make_report(first, force=force))
 
 
-def print_report(made: Report) -> None:
+def print_report(written: Report) -> None:
     """Prints where the page is, and the count of each verdict where the paper's claims were tested."""
-    if made.claims.height:
-        verdicts = made.claims["verdict"].value_counts().sort("verdict")
+    if written.claims.height:
+        verdicts = written.claims["verdict"].value_counts().sort("verdict")
         console.print(
             "the paper's claims: " + ", ".join(f"{count} {word}" for word, count in verdicts.iter_rows())
         )
-    tables = " and tables/claims.parquet" if made.claims.height else ""
-    console.print(f"wrote {made.page}, {made.figures} figures{tables}")
+    tables = " and tables/claims.parquet" if written.claims.height else ""
+    console.print(f"wrote {written.page}, {written.figures} figures{tables}")

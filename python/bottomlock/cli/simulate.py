@@ -2,17 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import polars as pl
-from cyclopts import Parameter
 
 from bottomlock.campaign.folder import identity_of
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
-from bottomlock.cli.parameters import check_option
-from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.cli.parameters import Out, check_option, load_scenarios
+from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.drawing import on_paper
@@ -33,7 +32,7 @@ from bottomlock.truth.truth import Truth
 
 def fly(
     *scenario: str,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     dry_run: bool = False,
     vehicle: str | None = None,
     sensors: int | None = None,
@@ -48,23 +47,20 @@ def fly(
         vehicle: Packaged vehicle or TOML file; the scenario's own by default.
         sensors: Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry.
     """
-    if not scenario:
-        raise ScenarioError(
-            "no scenario is named", hint="`bottomlock list scenarios` lists the packaged ones"
-        )
+    loaded = load_scenarios(scenario)
     check_option("--sensors", sensors, "a run number, 0 or more", holds=sensors is None or sensors >= 0)
     if out is None and not dry_run:
         raise ScenarioError("no directory is named", expected="--out DIR, or --dry-run")
-    simulations = [build_simulation(_with_vehicle(load_scenario(name), vehicle)) for name in scenario]
-    names = [one.scenario.name for one in simulations]
-    if len(set(names)) != len(names):
-        raise ScenarioError(expected=f"scenarios of different names, got {names}")
+    simulations = [build_simulation(_with_vehicle(its, vehicle)) for its in loaded]
     result = None
     if out is not None and not dry_run:
-        made_from = {one.scenario.name: identity_of([one])["configuration_hash"] for one in simulations}
+        made_from = {
+            simulation.scenario.name: identity_of([simulation])["configuration_hash"]
+            for simulation in simulations
+        }
         if sensors is not None:
             made_from["--sensors"] = str(sensors)
-        inputs = [file for one in simulations for file in one.scenario.files()]
+        inputs = [file for simulation in simulations for file in simulation.scenario.files()]
         result = Result(out, "fly", "fly", made_from, [*map(Path, scenario), *inputs])
         result.check(force=force)
     files: Files = {}

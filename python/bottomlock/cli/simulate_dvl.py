@@ -91,7 +91,7 @@ def simulate_dvl(
     if truth is not None:
         check_ending(truth, ".parquet")
     written = [] if truth is None else [truth]
-    written += [Path(one.path) for one in addresses.values() if one.kind == "file"]
+    written += [Path(address.path) for address in addresses.values() if address.kind == "file"]
     readings, own_seed = _readings(
         source, geometry, run=run, seed=seed, altitude_m=altitude_m, out=written, force=force
     )

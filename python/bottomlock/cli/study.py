@@ -6,9 +6,9 @@ from typing import Annotated
 import polars as pl
 from cyclopts import Parameter
 
-from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.campaign_output import ATTITUDE, POSITION, error_rows, progress_bar
 from bottomlock.cli.common import ForceStudy
-from bottomlock.cli.console import console, interrupted
+from bottomlock.cli.console import console, print_json
 from bottomlock.cli.page_output import print_table
 from bottomlock.cli.parameters import (
     Json,
@@ -22,11 +22,10 @@ from bottomlock.cli.parameters import (
     split,
 )
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import json_text, parquet_bytes
+from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import kernel_version
 from bottomlock.pages.page import Pictures, Table, html
-from bottomlock.pages.pieces import plain
 from bottomlock.statistics.chi_squared import FALSE_ALARM
 from bottomlock.studies import cases
 from bottomlock.studies.study import cells
@@ -81,7 +80,7 @@ def study(
         threads=threads,
         world=world,
     )
-    beams = {one.dvl.beams for one in loaded}
+    beams = {its.dvl.beams for its in loaded}
     if len(beams) != 1:
         raise ScenarioError(expected="scenarios whose instruments have the same number of beams")
     wanted = cells(loaded, masks=parse_masks(masks, beams.pop()), sensors=parse_sensors(sensors))
@@ -91,24 +90,21 @@ def study(
     given |= {"--masks": masks, "--sensors": sensors}
     options = [f"{option} {value}" for option, value in given.items() if value is not None]
     command = " ".join(["bottomlock study", *scenario, "--out DIR", *options])
-    files = [file for one in loaded for file in one.files()]
+    files = [file for its in loaded for file in its.files()]
     result = Result(out, "study", "study", {"command": command}, inputs=files, resumes=True)
     result.check(force=force)
     if not result.record.exists() or force:
         # The folder is ours from now on, and the same command resumes.
         result.write({}, force=force)
-    try:
-        with progress_bar() as progress:
-            table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=progress)
-    except KeyboardInterrupt:
-        interrupted(out, kept="cells")
+    with progress_bar(out, kept="cells") as progress:
+        table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=progress)
     versions = ", ".join(f"{name} {version}" for name, version in library_versions().items())
     about = f"bottomlock {kernel_version()}, {versions}"
     pictures = Pictures()
     text = html(page(table, [f"Command: `{command}`", f"Made with {about}"], about, pictures))
     result.write({"study.parquet": parquet_bytes(table), "study.html": text, **pictures.files}, force=force)
     if json:
-        console.file.write(json_text({"out": str(out), "command": command, "cells": table.to_dicts()}))
+        print_json({"out": str(out), "command": command, "cells": table.to_dicts()})
         return
     if table.height <= MOST_ROWS:
         for title, shown in cell_tables(table):
@@ -156,22 +152,11 @@ def parse_sensors(text: str | None) -> list[tuple[str, ...] | None]:
 
 def cell_tables(table: pl.DataFrame) -> Iterator[tuple[str, Table]]:
     """A title and a table for each trajectory, beams and sensors, for 80 columns."""
+    columns = [
+        ATTITUDE, POSITION, ("NEES 6", "nees_velocity_attitude", 1), ("NEES", "nees", 1), ("NIS", "nis", 2),
+    ]  # fmt: skip
     for place, rows in table.group_by("trajectory", "beams", "sensors", maintain_order=True):
-        shown = [
-            [
-                row["method"],
-                plain(row["velocity_rms_over_runs_mps"], digits=4),
-                " .. ".join(
-                    plain(row[f"velocity_rms_over_runs_{end}_mps"], digits=4) for end in ("lo", "hi")
-                ),
-                plain(row["attitude_rms_over_runs_deg"], decimals=2),
-                plain(row["position_rms_over_runs_m"], decimals=2),
-                plain(row["nees_velocity_attitude"], decimals=1),
-                plain(row["nees"], decimals=1),
-                plain(row["nis"], decimals=2),
-                row["verdict"] or "-",
-            ]
-            for row in rows.iter_rows(named=True)
-        ]
-        columns = ["method", "v m/s", "95 %", "att deg", "pos m", "NEES 6", "NEES", "NIS", "verdict"]
-        yield "{}, beams {}, sensors {}: RMS over runs at the end".format(*place), Table(columns, shown)
+        heads, cells = error_rows(rows, columns)
+        shown = [[*row, verdict or "-"] for row, verdict in zip(cells, rows["verdict"], strict=True)]
+        title = "{}, beams {}, sensors {}: RMS over runs at the end".format(*place)
+        yield title, Table([*heads, "verdict"], shown)

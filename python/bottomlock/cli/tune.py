@@ -8,8 +8,7 @@ from rich.text import Text
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, late_bar, narrow_table, say
-from bottomlock.cli.parameters import Threads, check_threads
-from bottomlock.errors import ScenarioError
+from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_threads, split
 from bottomlock.replay.case import load_case
 from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
 from bottomlock.replay.tune.result import record_of, require_free, write_tuned
@@ -19,7 +18,7 @@ from bottomlock.replay.tune.run import SUM_S, Judged, Term, Tuned, TunedParamete
 def tune(
     case: Path,
     *,
-    out: Annotated[Path | None, Parameter(alias="-o")] = None,
+    out: Out = None,
     fraction: float = 0.5,
     methods: Annotated[
         str,
@@ -38,18 +37,13 @@ def tune(
         out: The tuned case, beside the case; CASE_tuned.toml by default.
         fraction: Part of the recording, from its start, to estimate on; the rest judges.
     """
-    if case.suffix.lower() != ".toml":
-        raise ScenarioError(
-            "not a case file (TOML)",
-            place=case,
-            hint=f"bottomlock replay --init {case} ... writes one from logs",
-        )
+    check_case(case)
     check_threads(threads)
-    target = case.with_name(f"{case.stem}_tuned.toml") if out is None else out
+    target = out or beside(case, "tuned.toml")
     require_free(case, target, force=force)
     loaded = load_case(case)
     require_free(case, target, inputs=[Path(loaded.dvl.geometry), *loaded.files().values()], force=force)
-    names = tuple(name.strip() for name in methods.split(",") if name.strip())
+    names = tuple(split(methods) or ())
     with late_bar("tuning") as update:
 
         def report(iteration: int, passes: int) -> None:
@@ -72,20 +66,20 @@ def print_tuned(tuned: Tuned) -> None:
         assert term is not None
         after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
         after = f"up to {after}" if term.sensor == LEFT_OUT else after
-        numbers = (_of(one, name) for name in ("error_over_sd", "score") for one in (old, new))
+        numbers = (_of(its, name) for name in ("error_over_sd", "score") for its in (old, new))
         judged.append([term.sensor, after, str(term.count), *numbers])
     title = "on the rest: error/σ and mean log-likelihood a row"
     columns = ["measurement", "after", "number", "error/σ old", "new", "log-lik. old", "new"]
     console.print(narrow_table(title, columns, judged))
-    for words in sentences(tuned):
-        say(words)
+    for sentence in sentences(tuned):
+        say(sentence)
 
 
-def _row(one: TunedParameter) -> tuple[str | Text, ...]:
-    old = f"{one.old:.3g}" if one.old != 0.0 else "–"
-    if not one.is_determined:
-        return one.words, old, Text("not determined", style="dim"), "–", "–"
-    return one.words, old, f"{one.value:.3g}", f"{one.sd:.2g}", f"{one.gain:.3g}"
+def _row(parameter: TunedParameter) -> tuple[str | Text, ...]:
+    old = f"{parameter.old:.3g}" if parameter.old != 0.0 else "–"
+    if not parameter.is_determined:
+        return parameter.words, old, Text("not determined", style="dim"), "–", "–"
+    return parameter.words, old, f"{parameter.value:.3g}", f"{parameter.sd:.2g}", f"{parameter.gain:.3g}"
 
 
 def _pairs(tuned: Tuned) -> list[tuple[Term | None, Term | None]]:
@@ -114,11 +108,11 @@ def sentences(tuned: Tuned) -> list[str]:
         if judged is None:
             lines.append(f"{name} values: the filter ends in an error")
             continue
-        words = [
+        measures = [
             f"innovations of the beams correlate by {judged.autocorrelation:.2f} with their neighbours (0 if white)",
             f"mean square of their sums over {SUM_S:g} s {judged.sums:.2f} (1 if white)",
         ]
-        lines.append(f"{name} values: " + "; ".join(words))
+        lines.append(f"{name} values: " + "; ".join(measures))
     outliers, beams = tuned.outliers
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
     if not tuned.has_settled:
@@ -129,7 +123,7 @@ def sentences(tuned: Tuned) -> list[str]:
 
 def _verdict(tuned: Tuned) -> str:
     gain = f"log-likelihood gain on the rest {tuned.gain:.1f} ± {tuned.gain_sd:.1f}"
-    if not any(one.is_determined for one in tuned.parameters):
+    if not any(parameter.is_determined for parameter in tuned.parameters):
         return "the recording determines none of the settings: the old values are kept"
     if tuned.is_better:
         return f"{gain}: the new values are better and were written"

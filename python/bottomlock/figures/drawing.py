@@ -86,20 +86,22 @@ def _stacked(paper: Paper, figure: Figure) -> list[Axes]:
     right = NAMES_IN if named else RIGHT_IN
     bottom, heights = height - TITLE_IN * bool(figure.title), _heights_in(figure)
     share = (bottom - _below_in(figure)) / sum(heights)
-    made: list[Axes] = []
+    axes: list[Axes] = []
     with mpl.rc_context(STYLE):
-        for panel, own in zip([None] * (figure.frame is not None) + [*figure.panels], heights, strict=True):
-            bottom -= share * own
+        for panel, natural in zip(
+            [None] * (figure.frame is not None) + [*figure.panels], heights, strict=True
+        ):
+            bottom -= share * natural
             above, below = 0.38 if panel and panel.compared else 0.29, 0.0
             if panel is None:
                 above, below = 0.06, BOTTOM_IN * bool(figure.panels)
-            place = (LEFT_IN, bottom + below, width - LEFT_IN - right, share * own - above - below)
+            place = (LEFT_IN, bottom + below, width - LEFT_IN - right, share * natural - above - below)
             of_paper = (place[0] / width, place[1] / height, place[2] / width, place[3] / height)
-            over = made[-1] if panel is not None and made[figure.frame is not None :] else None
-            made.append(paper.add_axes(of_paper, sharex=over))
+            over = axes[-1] if panel is not None and axes[figure.frame is not None :] else None
+            axes.append(paper.add_axes(of_paper, sharex=over))
             if panel is not None and panel is not figure.panels[-1]:
-                made[-1].tick_params(labelbottom=False)
-    return made
+                axes[-1].tick_params(labelbottom=False)
+    return axes
 
 
 def draw(axes: Sequence[Axes], figure: Figure) -> None:

@@ -10,23 +10,23 @@ _NAMED = re.compile(r'(?<= id=")[^"]+|(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
 _METADATA = re.compile(r"<metadata>.*?</metadata>\s*", re.DOTALL)
 
 
-def inline_svg(svg: str, name: str, words: str) -> str:
+def inline_svg(svg: str, name: str, caption: str) -> str:
     """The SVG for a page: ids made unique, ink replaced by the colours of the page, background removed.
 
     Args:
         svg: from `palette.svg_text`.
         name: letters, digits and underscores, different for each figure of a page.
-        words: what the figure shows, for screen readers.
+        caption: what the figure shows, for screen readers.
     """
     head = _HEAD.search(svg)
     assert head is not None  # an SVG
     inside = _METADATA.sub("", svg[head.end() :])
-    inside = _NAMED.sub(lambda found: f"{name}-{found[0]}", inside).replace("xlink:href", "href")
+    inside = _NAMED.sub(lambda match: f"{name}-{match[0]}", inside).replace("xlink:href", "href")
     inside = inside.replace(f"fill: {PAPER}", "fill: none").replace(INK, "var(--ink)")
     box = re.search(r' viewBox="[^"]*"', head[0])
     width = _natural_width(head[0])
     return (
-        f'<svg role="img" aria-label="{escape(words)}"{width}{box[0] if box else ""}>'
+        f'<svg role="img" aria-label="{escape(caption)}"{width}{box[0] if box else ""}>'
         f"{inside.replace(FAINT, 'var(--faint)').strip()}"
     )
 

@@ -36,7 +36,10 @@ def coincident(
         place = to_axes.transform(np.column_stack(line))
         for group, other in groups.items():
             if place.shape == other.shape and np.allclose(place, other, 0.0, NEAR, equal_nan=True):
-                groups = {(*one, method) if one == group else one: its for one, its in groups.items()}
+                groups = {
+                    (*members, method) if members == group else members: outline
+                    for members, outline in groups.items()
+                }
                 break
         else:
             groups[(method,)] = place

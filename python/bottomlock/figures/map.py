@@ -38,9 +38,11 @@ def draw_map(axes: Axes, tracks: Sequence[Track], frame: Frame) -> None:
         if track.sd_east_m is not None:
             _ellipses(axes, track)
     drawn = [ways[name] for name in draw_order(list(ways))]
-    draw_lines(axes, [Line((one.label,), one.east_m, one.north_m, one.colour) for one in drawn], width=1.3)
-    ends = {one.label: one for one in drawn if _inside(axes, one).any()}
-    groups = coincident(axes, {name: (one.east_m, one.north_m) for name, one in ends.items()})
+    draw_lines(
+        axes, [Line((track.label,), track.east_m, track.north_m, track.colour) for track in drawn], width=1.3
+    )
+    ends = {track.label: track for track in drawn if _inside(axes, track).any()}
+    groups = coincident(axes, {name: (track.east_m, track.north_m) for name, track in ends.items()})
     label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
     _places(axes, tracks[0], ended=not ways)
 
@@ -107,7 +109,7 @@ def scale_length(most_m: float) -> float:
     (100.0, 0.5, 5.0)
     """
     power = 10.0 ** np.floor(np.log10(most_m))
-    return float(max(one * power for one in (1.0, 2.0, 5.0) if one * power <= most_m * (1.0 + 1e-9)))
+    return float(max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= most_m * (1.0 + 1e-9)))
 
 
 def scale_words(length_m: float) -> str:

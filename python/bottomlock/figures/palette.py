@@ -21,7 +21,7 @@ class Stroke:
     colour: str
     dash: Any
     marker: str
-    words: str = "a method of one's own"
+    meaning: str = "a method of one's own"
 
 
 def _dashes(*lengths: float) -> tuple[int, tuple[float, ...]]:

@@ -279,7 +279,7 @@ def valid_panel(
         title: above the panel.
     """
     curves = [
-        held_curve(f"beam {k + 1}", colours[k % len(colours)], time_ns, one, k + 1.0)
-        for k, one in enumerate(valid.T)
+        held_curve(f"beam {k + 1}", colours[k % len(colours)], time_ns, flags, k + 1.0)
+        for k, flags in enumerate(valid.T)
     ]
     return Panel(title, curves, decimals=0, names=[f"{k + 1}" for k in range(len(curves))])

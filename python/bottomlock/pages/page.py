@@ -27,8 +27,8 @@ from bottomlock.pages.plots import Plots
 
 def method(name: str) -> Markup:
     """A method with its look, and what it is where the pointer rests."""
-    words, look = escape(stroke(name).words), swatch_svg(name)
-    return Markup(f'<span class="method" title="{words}">{look}{escape(name)}</span>')  # noqa: S704 - numbers, colours
+    meaning, look = escape(stroke(name).meaning), swatch_svg(name)
+    return Markup(f'<span class="method" title="{meaning}">{look}{escape(name)}</span>')  # noqa: S704 - numbers, colours
 
 
 @cache
@@ -66,9 +66,9 @@ class Coloured(str):
 
     def __new__(cls, text: str, kind: str) -> Self:
         """A text and the colour's name."""
-        made = super().__new__(cls, text)
-        made.kind = kind
-        return made
+        coloured = super().__new__(cls, text)
+        coloured.kind = kind
+        return coloured
 
 
 @dataclass(frozen=True)
@@ -286,8 +286,8 @@ def _html(marked: str) -> Markup:
 
 def _line(marked: str) -> Markup:
     """Words or a cell in HTML, its lines with a break between; a cell that is a name in code is a method."""
-    own = re.fullmatch(r"`(\w+)`", marked)
-    if own:
-        return method(own[1])
+    name = re.fullmatch(r"`(\w+)`", marked)
+    if name:
+        return method(name[1])
     lines = (Markup(_MARKDOWN.renderInline(line)) for line in marked.split("<br>"))  # noqa: S704
     return Markup("<br>").join(lines)

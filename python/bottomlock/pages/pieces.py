@@ -46,8 +46,8 @@ def featured(methods: Sequence[str], recommended: Sequence[str]) -> list[str]:
     >>> featured(["ins", "lc", "tc", "nsv", "mine"], ["tc"])
     ['ins', 'lc', 'tc', 'nsv', 'mine']
     """
-    own = [method for method in methods if method not in STROKES]
-    wanted = dict.fromkeys([*recommended[:1], *own[:2], *ORDER, *methods])
+    others = [method for method in methods if method not in STROKES]
+    wanted = dict.fromkeys([*recommended[:1], *others[:2], *ORDER, *methods])
     chosen = [method for method in wanted if method in methods][:MOST]
     return [method for method in methods if method in chosen]
 
@@ -72,10 +72,10 @@ def explained(page: Page) -> Page:
     left = dict(EXPLANATIONS)
     parts = []
     for part in page.parts:
-        text = "\n".join(words for block in part.blocks for words in _texts(block))
-        found = [term for term, (pattern, _) in left.items() if re.search(pattern, text)]
-        if found:
-            terms = Terms([(term, left.pop(term)[1]) for term in found])
+        text = "\n".join(line for block in part.blocks for line in _texts(block))
+        here = [term for term, (pattern, _) in left.items() if re.search(pattern, text)]
+        if here:
+            terms = Terms([(term, left.pop(term)[1]) for term in here])
             parts.append(replace(part, blocks=[*part.blocks, terms]))
         else:
             parts.append(part)
@@ -93,7 +93,7 @@ def _texts(block: Block) -> Iterator[str]:
         case Table():
             yield from (block.caption, *block.columns, *(cell for row in block.rows for cell in row))
         case Terms():
-            yield from (words for row in block.rows for words in row)
+            yield from (text for row in block.rows for text in row)
         case Looked():
             yield from (picture.caption for picture in block.still)
         case Folded():
@@ -146,20 +146,20 @@ def title_of(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-def glossary(methods: Iterable[str], words: Mapping[str, str] | None = None) -> Terms:
-    """Methods, each with a line on it; `words` replaces some of the lines."""
-    own = words or {}
-    return Terms([(f"`{method}`", own.get(method, stroke(method).words)) for method in methods])
+def glossary(methods: Iterable[str], meanings: Mapping[str, str] | None = None) -> Terms:
+    """Methods, each with a line on it; `meanings` replaces some of the lines."""
+    given = meanings or {}
+    return Terms([(f"`{method}`", given.get(method, stroke(method).meaning)) for method in methods])
 
 
 def glossaries(
-    methods: Iterable[str], first: Iterable[str], words: Mapping[str, str] | None = None
+    methods: Iterable[str], first: Iterable[str], meanings: Mapping[str, str] | None = None
 ) -> list[Block]:
     """The first methods with their lines, and the others behind a summary."""
     shown = list(first)
     others = [method for method in dict.fromkeys(methods) if method not in shown]
     summary = f"The other {len(others)} methods, in a line each: {', '.join(others)}"
-    return [glossary(shown, words), *([Folded(summary, [glossary(others, words)])] if others else [])]
+    return [glossary(shown, meanings), *([Folded(summary, [glossary(others, meanings)])] if others else [])]
 
 
 def json_part(id_: str, heading: str, name: str, content: Mapping[str, Any]) -> Part:
@@ -178,10 +178,12 @@ _COLUMNS = ("Severity", "Finding", "Evidence", "What to do")
 
 def findings_part(findings: Sequence[Mapping[str, Any]], *after: Block) -> Part:
     """What is wrong or remarkable, the worst first, from findings as `Finding.to_json` has them."""
-    rows = [[one["severity"], one["text"], one["evidence"], one["hint"]] for one in findings]
+    rows = [
+        [finding["severity"], finding["text"], finding["evidence"], finding["hint"]] for finding in findings
+    ]
     caption = "What is wrong or remarkable, the worst first."
-    told: Block = Table(_COLUMNS, rows, caption, left=len(_COLUMNS)) if rows else "No finding."
-    return Part("findings", "Findings", [told, *after])
+    block: Block = Table(_COLUMNS, rows, caption, left=len(_COLUMNS)) if rows else "No finding."
+    return Part("findings", "Findings", [block, *after])
 
 
 def notebook_table(table: Table) -> str:

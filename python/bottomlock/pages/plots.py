@@ -92,7 +92,8 @@ def _json(plots: Plots) -> str:
         "utc": is_utc(start_ns),
         "place": plots.place,
         "choices": [
-            {"name": one.name, "options": list(one.options), "first": one.first} for one in plots.choices
+            {"name": choice.name, "options": list(choice.options), "first": choice.first}
+            for choice in plots.choices
         ],
         "views": {"\n".join(key): _view(view, pool, buckets) for key, view in plots.views.items()},
     }

@@ -181,7 +181,7 @@ def advise(
     """
     published = load_published() if published is None else published
     judged = [_judge(campaign, name, errors[name]) for name in campaign.trajectories]
-    return [_with_recommended(campaign, one, judged, published) for one in judged]
+    return [_with_recommended(campaign, advice, judged, published) for advice in judged]
 
 
 def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> Advice:
@@ -208,24 +208,24 @@ def _judge(campaign: CampaignTables, name: str, errors: RunErrors) -> Advice:
 
 
 def _with_recommended(
-    campaign: CampaignTables, own: Advice, judged: Sequence[Advice], published: pl.DataFrame
+    campaign: CampaignTables, advice: Advice, judged: Sequence[Advice], published: pl.DataFrame
 ) -> Advice:
     """With what is recommended, or why not, by the other trajectories and the published studies."""
-    beams = returning_beams(campaign.configuration(own.trajectory))
+    beams = returning_beams(campaign.configuration(advice.trajectory))
     here = published.filter(pl.col("beams") == beams)
     if here.is_empty():
         beams, here = None, published
-    moves = _current_mps(campaign, own.trajectory) > 0.0
+    moves = _current_mps(campaign, advice.trajectory) > 0.0
     moves |= not set(IN_CURRENT).isdisjoint(published["world"])
-    known = {method: standing(here, method) for method in own.consistent if method in set(here["method"])}
+    known = {method: standing(here, method) for method in advice.consistent if method in set(here["method"])}
     doubts = {
         method: _failed(method, judged) or _doubt(method, known.get(method), beams, water_moves=moves)
-        for method in own.consistent
+        for method in advice.consistent
     }
     return replace(
-        own,
-        recommended=tuple(method for method, words in doubts.items() if not words),
-        consistent_here_only={method: words for method, words in doubts.items() if words},
+        advice,
+        recommended=tuple(method for method, doubt in doubts.items() if not doubt),
+        consistent_here_only={method: doubt for method, doubt in doubts.items() if doubt},
         beams=beams,
     )
 
@@ -235,11 +235,11 @@ def _failed(method: str, judged: Sequence[Advice]) -> str:
 
     The filter does not know which trajectory it is on: what fails on one is recommended on none.
     """
-    over = [one.trajectory for one in judged if method in one.overconfident]
-    rejected = [one.trajectory for one in judged if method in one.mostly_rejected]
+    over = [advice.trajectory for advice in judged if method in advice.overconfident]
+    rejected = [advice.trajectory for advice in judged if method in advice.mostly_rejected]
     return "; ".join(
-        f"{words} on {', '.join(names).replace('_', ' ')}"
-        for words, names in (("overconfident", over), ("most fixes rejected", rejected))
+        f"{fault} on {', '.join(names).replace('_', ' ')}"
+        for fault, names in (("overconfident", over), ("most fixes rejected", rejected))
         if names
     )
 

@@ -58,21 +58,25 @@ def compare(
         OutputError: for a directory of something else but these campaigns, a comparison of others without `force`, and
             where the directory cannot be written.
     """
-    found = campaign_folders([Path(folder) for folder in folders])
-    if len(found) < 2:
+    folders_by_label = campaign_folders([Path(folder) for folder in folders])
+    if len(folders_by_label) < 2:
         raise DataError(
-            f"{len(found)} campaign is named",
+            f"{len(folders_by_label)} campaign is named",
             expected="two or more, or a folder of variants (bottomlock run --set)",
         )
-    reference = next(iter(found)) if against is None else against
-    if reference not in found:
-        hint = did_you_mean(reference, found) or ","
-        raise DataError(f"is '{reference}'{hint} expected one of {', '.join(found)}", key="--against")
-    result = None if out is None else _result(Path(out), folders, found, reference)
+    reference = next(iter(folders_by_label)) if against is None else against
+    if reference not in folders_by_label:
+        hint = did_you_mean(reference, folders_by_label) or ","
+        raise DataError(
+            f"is '{reference}'{hint} expected one of {', '.join(folders_by_label)}", key="--against"
+        )
+    result = None if out is None else _result(Path(out), folders, folders_by_label, reference)
     if result is not None:
         result.check(force=force)
-    campaigns = {label: read_campaign_tables(folder) for label, folder in found.items()}
-    theirs = {name for label, one in campaigns.items() if label != reference for name in one.trajectories}
+    campaigns = {label: read_campaign_tables(folder) for label, folder in folders_by_label.items()}
+    theirs = {
+        name for label, campaign in campaigns.items() if label != reference for name in campaign.trajectories
+    }
     if theirs.isdisjoint(campaigns[reference].trajectories):
         raise DataError(
             f"no other campaign has a trajectory of {reference} ({', '.join(campaigns[reference].trajectories)})",
@@ -89,22 +93,22 @@ def compare(
     return Comparison(table, reference, unpaired, result.out / f"{NAME}.html")
 
 
-def _result(out: Path, folders: Sequence[str | Path], found: Mapping[str, Path], reference: str) -> Result:
-    made_from = digests_of(out, [folder / "manifest.json" for folder in found.values()]) | {
+def _result(out: Path, folders: Sequence[str | Path], labelled: Mapping[str, Path], reference: str) -> Result:
+    made_from = digests_of(out, [folder / "manifest.json" for folder in labelled.values()]) | {
         "against": reference
     }
-    beside = any(out.resolve() == folder.resolve() for folder in (*map(Path, folders), *found.values()))
+    beside = any(out.resolve() == folder.resolve() for folder in (*map(Path, folders), *labelled.values()))
     return Result(out, NAME, "report", made_from, beside=beside)
 
 
 def _unpaired(campaigns: Mapping[str, CampaignTables], reference: str) -> dict[str, dict[str, str]]:
     """Why a campaign is not paired with the reference, by trajectory and label."""
-    found: dict[str, dict[str, str]] = {}
+    reasons: dict[str, dict[str, str]] = {}
     for label, campaign in campaigns.items():
         for name in campaign.trajectories if label != reference else ():
             if why := why_unpaired(campaigns[reference], campaign, name):
-                found.setdefault(name, {})[label] = why
-    return found
+                reasons.setdefault(name, {})[label] = why
+    return reasons
 
 
 def _page(
@@ -130,9 +134,9 @@ def _page(
         for label, why in of.items()
     ]
     about = "\n".join(
-        f"{numbers[label]}. {label.replace(',', ', ')}: {one.runs['run'].n_unique()} runs"
+        f"{numbers[label]}. {label.replace(',', ', ')}: {campaign.runs['run'].n_unique()} runs"
         f"{', the reference' if label == reference else ''}"
-        for label, one in campaigns.items()
+        for label, campaign in campaigns.items()
     )
     caption = "Settings of the first trajectory in which the campaigns differ."
     parts.append(
@@ -173,5 +177,5 @@ def _difference(row: Mapping[str, Any] | None) -> str:
         return "–"
     value, low, high = (row[f"difference{end}"] for end in ("", "_lo", "_hi"))
     sign, note = "+" if value > 0 else "", "" if row["paired"] else " unpaired"
-    words = f"{sign}{number(value, 2)}{note}<br>{number(low, 2)} … {number(high, 2)}"
-    return Coloured(words, "less" if high < 0 else "more" if low > 0 else "")
+    cell = f"{sign}{number(value, 2)}{note}<br>{number(low, 2)} … {number(high, 2)}"
+    return Coloured(cell, "less" if high < 0 else "more" if low > 0 else "")

@@ -73,8 +73,8 @@ def paths(content: Content) -> Iterator[Picture]:
     table = content.campaign.paths
     for name in content.campaign.trajectories:
         if table is not None and name in table["trajectory"]:
-            words = " (the paper's Figure 8)" if content.in_paper else ""
-            caption = f"{title_of(name)}: plan view and depth{words}."
+            source = " (the paper's Figure 8)" if content.in_paper else ""
+            caption = f"{title_of(name)}: plan view and depth{source}."
             yield content.pictures.add(path_figure(table, name), f"trajectory_{name}", caption, "third")
 
 
@@ -90,8 +90,8 @@ def errors_over_time(content: Content, name: str, quantity: Literal["velocity", 
         if isinstance(claim, ValueClaim) and (claim.trajectory, claim.quantity) == (name, quantity)
         if name in content.in_paper and claim.method in shown
     ]
-    words = "velocity error" if quantity == "velocity" else "misalignment"
-    caption = f"{title_of(name)}: {words}, RMS over runs; shaded: 95 % interval"
+    title = "velocity error" if quantity == "velocity" else "misalignment"
+    caption = f"{title_of(name)}: {title}, RMS over runs; shaded: 95 % interval"
     caption += "" if banded is None else f" of {' and '.join(banded)}"
     if name in content.in_paper:
         number = getattr(content.paper.trajectories[name], f"{quantity}_figure")
@@ -151,7 +151,7 @@ def sweeps(content: Content, number: int, parameter: str, rows: pl.DataFrame) ->
         level = ("tc", tc["velocity_rms_over_runs_mps"]) if tc and parameter == VIRTUAL_BEAM_FACTOR else None
         methods = here["method"].unique(maintain_order=True).to_list()
         shown = featured(methods, content.best)
-        others = ", ".join(one for one in methods if one not in shown)
+        others = ", ".join(method for method in methods if method not in shown)
         caption = f"{title_of(str(trajectory))}: velocity error at the end against {parameter}."
         caption += f" In the rows only: {others}." if others else ""
         panel = sweep_of(here.filter(pl.col("method").is_in(shown)), level)
@@ -169,4 +169,4 @@ def virtual_beam(sweep: pl.DataFrame | None, trajectory: str) -> dict[str, dict[
     swept = here.filter(parameter=VIRTUAL_BEAM_FACTOR, method="vb").sort("velocity_rms_over_runs_mps")
     printed, still = swept.filter(value="1"), here.filter(parameter=CURRENT, value="0", method="tc")
     rows = {"printed": printed, "best": swept, "tc": still} if printed.height else {}
-    return {name: one.row(0, named=True) for name, one in rows.items() if one.height}
+    return {name: table.row(0, named=True) for name, table in rows.items() if table.height}

@@ -274,7 +274,9 @@ def _consistency_table(campaign: CampaignTables, name: str) -> Table:
 def _sweep(content: Content, sweep: pl.DataFrame) -> Part:
     """Every swept setting: its figures, and its rows."""
     blocks: list[Block] = [_SWEEP]
-    numbers = {one: k for k, one in enumerate(sweep["parameter"].unique(maintain_order=True), start=1)}
+    numbers = {
+        parameter: k for k, parameter in enumerate(sweep["parameter"].unique(maintain_order=True), start=1)
+    }
     for (parameter,), rows in sweep.sort("parameter", maintain_order=True).group_by(
         "parameter", maintain_order=True
     ):
@@ -338,15 +340,15 @@ def _claims(content: Content) -> Part:
     ]
     by_id: dict[str, Claim] = {claim.id: claim for claim in paper.claim}
     for (name,), rows in claims.group_by("trajectory", maintain_order=True):
-        words = _words(str(name))
+        trajectory = _words(str(name))
         table = Table(
             ["Claim", "Verdict", "Measured", "Paper", "Ours", "95 %"],
             [_claim_cells(by_id[row["claim"]], row) for row in rows.iter_rows(named=True)],
-            f"Claims of the paper on {words}: what it prints, what this campaign has, and how far the two agree.",
+            f"Claims of the paper on {trajectory}: what it prints, what this campaign has, and how far the two agree.",
             left=3,
             ids=rows["claim"].to_list(),
         )
-        blocks.append(Folded(f"{rows.height} claims on {words}: {_verdicts(rows)}", [table]))
+        blocks.append(Folded(f"{rows.height} claims on {trajectory}: {_verdicts(rows)}", [table]))
     return Part("claims", "The paper's claims", blocks)
 
 

@@ -130,12 +130,12 @@ def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
     A scenario without a claim on a cause, or without its methods, has no variant.
 
     >>> from bottomlock.config.scenario import load_scenario
-    >>> (one,) = variants([load_scenario("straight"), load_scenario("lawn_mower")])["dive"]
-    >>> one.name, one.trajectory.duration_s, one.mission.dive_rate_mps, one.campaign.methods
+    >>> (level,) = variants([load_scenario("straight"), load_scenario("lawn_mower")])["dive"]
+    >>> level.name, level.trajectory.duration_s, level.mission.dive_rate_mps, level.campaign.methods
     ('lawn_mower', 30.0, 0.0, ('vb', 'plcf'))
     """
     claims = [claim for claim in load_paper().claim if isinstance(claim, CauseClaim)]
-    found: dict[str, list[Scenario]] = {}
+    changed: dict[str, list[Scenario]] = {}
     for cause, change in CHANGES.items():
         for scenario in scenarios:
             here = [
@@ -149,8 +149,8 @@ def variants(scenarios: Sequence[Scenario]) -> dict[str, list[Scenario]]:
                 short = scenario.with_trajectory(duration_s=end_s)
                 short = short.with_overrides(methods=[claim.method for claim in here])
                 level = short.replace({f"mission.{key}": value for key, value in change.items()})
-                found.setdefault(cause, []).append(level)
-    return found
+                changed.setdefault(cause, []).append(level)
+    return changed
 
 
 def run_without_causes(

@@ -68,14 +68,14 @@ def cells(
         masks: sets of returning beams; every one of the instrument by default.
         sensors: sets of sensors beside the beams; those of the scenario by default.
     """
-    found = []
+    chosen = []
     for scenario in scenarios:
         sets: Sequence[tuple[int, ...] | None] = cases.masks(scenario.dvl.beams) if masks is None else masks
         for mask in sets:
             # A method that does not look at the mask is flown under the first one.
             methods = [name for name in scenario.campaign.methods if name not in BLIND or mask == sets[0]]
-            found += [Cell(scenario, mask, aiding, method) for aiding in sensors for method in methods]
-    return found
+            chosen += [Cell(scenario, mask, aiding, method) for aiding in sensors for method in methods]
+    return chosen
 
 
 def study(
@@ -146,9 +146,9 @@ def _errors(results: Results) -> pl.DataFrame:
 def _with_verdicts(errors: pl.DataFrame, judged: pl.DataFrame) -> pl.DataFrame:
     """A row a cell, from its errors and the two rows of its NEES."""
     table = errors
-    for quantity, words in (("nees_velocity_attitude", "velocity_attitude"), ("nees", "whole_state")):
+    for quantity, part in (("nees_velocity_attitude", "velocity_attitude"), ("nees", "whole_state")):
         names = {"mean": quantity, "least": f"{quantity}_least", "greatest": f"{quantity}_greatest"}
-        names |= {"band_lo": f"{quantity}_lo", "band_hi": f"{quantity}_hi", "verdict": f"verdict_{words}"}
+        names |= {"band_lo": f"{quantity}_lo", "band_hi": f"{quantity}_hi", "verdict": f"verdict_{part}"}
         of_quantity = (
             judged.filter(pl.col("quantity") == quantity).rename(names).select(*_PLACE, *names.values())
         )
