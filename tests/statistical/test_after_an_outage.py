@@ -20,7 +20,7 @@ from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array
 from tests.property import settings
 from tests.statistical import worlds
-from tests.statistical.straight_leg import at_end
+from tests.statistical.straight_leg import at_end, fixes
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
@@ -33,7 +33,7 @@ DURATION_S, BEGIN_S, EVERY_S = 340.0, 240.0, 5.0
 def test_fixes_are_taken_again(mask: tuple[int, ...], has_depth: bool) -> None:
     """After twenty fixes of 1 m no run ends beyond 6 m, and half of them within 1.5 m."""
     fix_s = np.arange(BEGIN_S, DURATION_S, EVERY_S)
-    errors, _ = at_end(DURATION_S, mask, has_depth, fix_s, np.zeros(len(fix_s)), SEED, RUNS)
+    errors, _ = at_end(DURATION_S, mask, has_depth, fixes(fix_s), SEED, RUNS)
     assert errors.max() < 6.0, errors.max(axis=0)
     assert (np.median(errors, axis=0) < 1.5).all()
 

@@ -26,9 +26,10 @@
 //! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
 //! some of them may be right. After [`LONGEST_DOUBT_NS`] either is used.
 //!
-//! So can a position beside an accepted velocity: that the vehicle did not jump is known, and either the fixes of before were
-//! wrong or these are. They are used once they have lasted as long as those of before, after [`LONGEST_DOUBT_OF_FIXES_NS`] at most;
-//! the covariance stays as it is, since the path from the last good fix is known as well as it claims.
+//! Nor do the angles jump, which the gyros know, nor a position beside accepted velocities: either the readings of before were
+//! wrong or these are, compasses near iron and fixes by an echo among them. They are used once they have lasted as long as those
+//! of before, after [`LONGEST_DOUBT_OF_A_JUMP_NS`] at most. The covariance stays, since the motion since is known as well as it claims.
+//! Of angles this holds beyond five sigma; a fix whose difference does not move is no evidence of less either.
 
 use nalgebra::Vector3;
 
@@ -38,11 +39,11 @@ use crate::aiding::{Innovation, TangentRows};
 use crate::error::{NavError, require_finite};
 use crate::filter::gate::{FIVE_SIGMA_FACTOR, LONGEST_DOUBT_NS};
 use crate::filter::report::Sensor;
-use crate::layout::{POSITION, VELOCITY};
+use crate::layout::{ATTITUDE, POSITION, VELOCITY};
 use crate::state::Covariance;
 
-/// Time from the first rejected fix after which fixes in doubt are used, however long those of before had lasted.
-const LONGEST_DOUBT_OF_FIXES_NS: i64 = 300_000_000_000;
+/// Time from the first reading after a jump after which they are used, however long those before it had lasted.
+const LONGEST_DOUBT_OF_A_JUMP_NS: i64 = 300_000_000_000;
 
 /// Part of the variance of a doubted difference that is left where nothing has shown which is right.
 const STILL_HELD: f64 = 0.25;
@@ -128,16 +129,14 @@ impl Run {
         }
     }
 
-    /// Time for which readings had been accepted before the run; zero where as much had passed without any when it began.
-    fn confirmed_ns(&self, time_ns: i64) -> i64 {
+    /// Time for which a jump of readings is doubted: that for which they had been accepted, `None` where as much had passed
+    /// without any when it began.
+    fn doubt_of_a_jump_ns(&self, time_ns: i64) -> Option<i64> {
         let began_ns = if self.is_empty() { time_ns } else { self.since_ns };
-        self.accepted_ns.map_or(0, |[first_ns, last_ns]| {
+        self.accepted_ns.and_then(|[first_ns, last_ns]| {
             let lasted_ns = last_ns.saturating_sub(first_ns);
-            if began_ns.saturating_sub(last_ns) < lasted_ns {
-                lasted_ns
-            } else {
-                0
-            }
+            let is_confirmed = began_ns.saturating_sub(last_ns) < lasted_ns;
+            is_confirmed.then_some(lasted_ns.min(LONGEST_DOUBT_OF_A_JUMP_NS))
         })
     }
 
@@ -180,13 +179,19 @@ impl Eskf {
     }
 
     /// Time of the first of a run of rejections, now where there is none.
-    pub(super) fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
+    fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
         let run = self.run(sensor);
         if run.is_empty() {
             self.state.time_ns
         } else {
             run.since_ns
         }
+    }
+
+    /// Whether a velocity was accepted since the first of a run of rejections.
+    pub(super) fn has_velocity_since(&self, sensor: Sensor) -> bool {
+        let since_ns = self.rejected_since_ns(sensor);
+        self.measured.velocity_ns.is_some_and(|time_ns| time_ns >= since_ns)
     }
 
     /// Whether what a run of positions shows moves by more than the velocity's covariance and the noise of two readings allow.
@@ -266,19 +271,19 @@ impl Eskf {
             return Ok(None);
         }
         let block = measured_block(sensor);
-        let is_position = block == POSITION && innovation.rows == 3 && charged.are_measured();
-        let is_confirmed = is_confirmed || (is_position && self.run(sensor).confirmed_ns(self.state.time_ns) > 0);
-        let is_doubtful = is_confirmed && !explains(&both, FIVE_SIGMA_FACTOR);
+        let is_fix = block == POSITION && innovation.rows == 3 && charged.are_measured();
+        let doubt_ns = if is_fix || block == ATTITUDE {
+            self.run(sensor).doubt_of_a_jump_ns(time_ns)
+        } else {
+            is_confirmed.then_some(LONGEST_DOUBT_NS)
+        };
+        let is_doubtful = doubt_ns.is_some() && (is_fix || !explains(&both, FIVE_SIGMA_FACTOR));
         let factor = matching_factor(innovation, &whole, &both);
         let run = self.run_mut(sensor);
         run.push(is_doubtful, factor, solved(innovation, block), time_ns, needed);
         let is_complete = run.explained >= needed;
-        let longest_ns = if is_position {
-            run.confirmed_ns(time_ns).min(LONGEST_DOUBT_OF_FIXES_NS)
-        } else {
-            LONGEST_DOUBT_NS
-        };
-        let is_believed = run.doubtful >= needed && time_ns - run.since_ns >= longest_ns;
+        let is_over = doubt_ns.is_some_and(|doubt_ns| time_ns - run.since_ns >= doubt_ns);
+        let is_believed = run.doubtful >= needed && is_over;
         if is_complete || is_believed {
             let factor = std::mem::take(run).factor();
             return Ok(self.charge_with(factor, &charged, &unshared, &[by_inertial, by_own], innovation));
