@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock import kernel
 from bottomlock.kernel import Method
-from bottomlock.kernel.models import Robust
+from bottomlock.kernel.models import MagnetometerModel, Robust
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from tests.analytic import analytic_simulation
 from tests.drawn_log import drawn_log
@@ -61,7 +61,7 @@ def at_end(
     simulation = analytic_simulation("straight", duration_s=duration_s)
     truth, scenario = simulation.truth(), simulation.scenario
     model = scenario.kernel_model(simulation.gravity_mps2)
-    reference = model.magnetometer.replace(roll_pitch_sd_rad=ROLL_PITCH_SD_RAD, yaw_sd_rad=YAW_SD_RAD)
+    reference = MagnetometerModel(roll_pitch_sd_rad=ROLL_PITCH_SD_RAD, yaw_sd_rad=YAW_SD_RAD)
     model = model.replace(magnetometer=reference)
     options = scenario.kernel_options().replace(inflate_after_rejections=5, robust=Robust())
     arrays, schedule = truth.kernel_arrays(), dict[str, Any](measurement_schedule(simulation, truth))
