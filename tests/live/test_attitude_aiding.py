@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.kernel import Navigator
 from bottomlock.live.config import LiveConfig, parse_config
-from bottomlock.live.engine import Engine, Message
+from bottomlock.live.engine import Engine
 from bottomlock.live.health import metrics, status
-from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.readings import PingReader
 from bottomlock.live.runner import Live
 from bottomlock.recordings.rotation import angles
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
-from tests.live.world import START_NS
+from tests.live.world import START_NS, Arrivals, fly, navigator_of
 
 SECONDS = 60.0
 TEXT = """
@@ -73,7 +71,6 @@ rate_hz = 10
 HEADING = 'level = "attitude"\nheading_deg = 34.377467707849394\nheading_sd_deg = 0.5'
 """That of the dive's calm start, as one that is known, in place of the reference's."""
 DVL, IMU, AHRS = range(3)
-Arrivals = list[tuple[int, int, bytes]]
 
 
 def made(*changes: tuple[str, str]) -> LiveConfig:
@@ -124,17 +121,10 @@ def arrivals(flown: Dive, t: np.ndarray, rpy: np.ndarray, folder: Path) -> Arriv
     return sorted((entry for entry in entries if entry[0] <= last_ns), key=lambda entry: entry[:2])
 
 
-def fly(config: LiveConfig, entries: Arrivals) -> tuple[Engine, list[Message]]:
-    engine, sent = Engine(config), []
-    for arrival_ns, source, data in entries:
-        sent += engine.arrive(source, arrival_ns, data)
-    return engine, sent
-
-
-def navigator_of(engine: Engine) -> Navigator:
-    assert isinstance(engine.estimator, NavigationEstimator)
-    assert engine.estimator.navigator is not None
-    return engine.estimator.navigator
+def flown(config: LiveConfig, entries: Arrivals) -> Engine:
+    engine = Engine(config)
+    fly(engine, entries)
+    return engine
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +141,7 @@ def yaw_error_and_sd(engine: Engine, truth_rad: float) -> tuple[float, float]:
 
 def test_the_slow_error_is_found(entries: Arrivals) -> None:
     """A start with a known heading and readings that are 3 degrees off: they are told apart, within the claim."""
-    engine, _ = fly(made(('level = "attitude"', HEADING)), entries)
+    engine = flown(made(('level = "attitude"', HEADING)), entries)
     found = engine.estimator.known()["reference"]["yaw"]
     error, sd = (np.rad2deg(found[key]) for key in ("error_rad", "sd_rad"))
     assert 0.2 < sd < 1.0
@@ -171,10 +161,10 @@ def test_the_slow_error_of_the_start_counts_once(tmp_path: Path) -> None:
     ratios = []
     for draw in range(12):
         offset, error = np.random.default_rng([20, draw]).standard_normal(2)
-        flown = dive(30 + draw, 15.0)
-        came = arrivals(flown, *readings(flown, 4.0 * offset + 1.0 * error, seed=draw), tmp_path)
-        engine, _ = fly(made(), came)
-        yaw, sd = yaw_error_and_sd(engine, flown.rpy[-1, 2])
+        one = dive(30 + draw, 15.0)
+        came = arrivals(one, *readings(one, 4.0 * offset + 1.0 * error, seed=draw), tmp_path)
+        engine = flown(made(), came)
+        yaw, sd = yaw_error_and_sd(engine, one.rpy[-1, 2])
         assert 0.93 * np.hypot(4.0, 1.0) < np.rad2deg(sd) < np.hypot(4.0, 1.0) + 0.3
         ratios.append(yaw / sd)
     # 99.9 % of the mean square of twelve standard normals.
@@ -183,10 +173,10 @@ def test_the_slow_error_of_the_start_counts_once(tmp_path: Path) -> None:
 
 def test_a_reading_far_off_is_rejected_and_shown(entries: Arrivals) -> None:
     """Half a turn for one reading: the gate rejects it, the page counts it, and nothing else changes."""
-    clean, _ = fly(made(), entries)
+    clean = flown(made(), entries)
     time_ns = stamp(30.05)
     far = (time_ns + 20_000_000, AHRS, f"{time_ns},0.0,0.0,{float(dive().rpy[1502, 2] + np.pi)!r}\n".encode())
-    engine, _ = fly(made(), sorted([*entries, far], key=lambda entry: entry[:2]))
+    engine = flown(made(), sorted([*entries, far], key=lambda entry: entry[:2]))
     assert engine.estimator.gated["heading"] == clean.estimator.gated["heading"] + 1
     assert engine.state == "OK"
     shown = status(Live(engine.config, engine, say=lambda _: None, send=lambda _: None))
@@ -204,8 +194,8 @@ def test_readings_beyond_the_horizon_are_refused_and_counted(entries: Arrivals) 
         for k, (a, s, d) in enumerate(entries)
     ]
     without = [entry for k, entry in enumerate(entries) if entry[1] != AHRS or k % 50]
-    engine, _ = fly(made(), sorted(late, key=lambda entry: entry[:2]))
-    other, _ = fly(made(), without)
+    engine = flown(made(), sorted(late, key=lambda entry: entry[:2]))
+    other = flown(made(), without)
     assert sum(engine.sources[AHRS].refused.values()) > 3
     np.testing.assert_array_equal(navigator_of(engine).covariance(), navigator_of(other).covariance())
 

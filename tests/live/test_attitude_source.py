@@ -17,7 +17,17 @@ from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.readings import MavlinkReader
 from bottomlock.recordings.readings import AttitudeReading
 from bottomlock.recordings.rotation import quaternion
-from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World
+from tests.live.world import (
+    NAVIGATION_TOML,
+    START_NS,
+    VELOCITY,
+    Sent,
+    World,
+    fly,
+    navigator_of,
+    one_to_three_beams,
+)
+from tests.live.world import lines as sent_lines
 
 PLACES = {
     "dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json",
@@ -49,22 +59,14 @@ def lines(seconds: float, hz: float = 10.0) -> Iterator[tuple[int, int, bytes]]:
         yield START_NS + own_ns + 300_000, 1, f"{own_ns},{numbers}\n".encode()
 
 
-def fly(
-    config: LiveConfig, world: World, attitudes: Iterator[tuple[int, int, bytes]]
-) -> tuple[Engine, list[Sent]]:
-    engine, sent = Engine(config), []
-    for arrival_ns, source, data in sorted([*world.dvl(), *attitudes], key=lambda entry: entry[:2]):
-        sent += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, data)]
-    return engine, sent
-
-
-def one_to_three_beams(t: float) -> tuple[int, ...]:
-    return (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else ()
+def flown(world: World, attitudes: Iterator[tuple[int, int, bytes]]) -> tuple[Engine, list[Sent]]:
+    engine = Engine(made())
+    return engine, sent_lines(fly(engine, world.arrivals(attitudes)))
 
 
 def test_a_turning_vehicle_coasts() -> None:
     """OK, PARTIAL, COASTING, OK; the velocity along the vehicle's axes stays while the vehicle turns by 15 degrees."""
-    engine, sent = fly(made(), World(10.0, one_to_three_beams), lines(10.0))
+    engine, sent = flown(World(10.0, one_to_three_beams), lines(10.0))
     states = [line.state for line in sent]
     assert states[:1] + [b for a, b in pairwise(states) if a != b] == ["OK", "PARTIAL", "COASTING", "OK"]
     errors = np.array([(line.velocity - VELOCITY) / line.sd for line in sent])
@@ -77,11 +79,8 @@ def test_a_turning_vehicle_coasts() -> None:
 
 def test_heading_and_way_are_the_attitudes() -> None:
     """After 10 s the filter's attitude is the last one, and the way is the arc."""
-    engine, _ = fly(made(), World(10.0), lines(10.0))
-    estimator = engine.estimator
-    assert isinstance(estimator, NavigationEstimator)
-    assert estimator.navigator is not None
-    state = estimator.navigator.state()
+    engine, _ = flown(World(10.0), lines(10.0))
+    state = navigator_of(engine).state()
     last = np.array(quaternion(*angles(9.9)))
     assert abs(abs(float(np.dot(state["attitude_t_p"], last))) - 1.0) < 1e-6
     assert 7.0 < np.linalg.norm(state["position_t_m"]) < 10.0
@@ -115,7 +114,7 @@ def test_quaternions_of_mavlink() -> None:
 def test_a_gap_of_the_attitude_is_unsafe_and_goes_on() -> None:
     """Three seconds without an attitude: nothing is sent, and the next one is a gap with its uncertainty."""
     kept = [entry for entry in lines(10.0) if not 4.0 < (entry[0] - START_NS) * 1e-9 < 7.0]
-    engine, sent = fly(made(), World(10.0), iter(kept))
+    engine, sent = flown(World(10.0), iter(kept))
     times = np.array([line.time_ns - START_NS for line in sent]) * 1e-9
     assert not ((times > 4.5) & (times < 6.9)).any()
     assert sent[-1].state == "OK"
@@ -126,20 +125,14 @@ def test_a_gap_of_the_attitude_is_unsafe_and_goes_on() -> None:
 def test_a_checkpoint_goes_on_from_its_attitude() -> None:
     """The two seconds between are a turn from the estimate's attitude to the first one that comes."""
     world = World(5.0)
-    before, _ = fly(made(), world, lines(5.0))
-    assert isinstance(before.estimator, NavigationEstimator)
-    assert before.estimator.navigator is not None
-    saved = before.estimator.navigator.save()
+    before, _ = flown(world, lines(5.0))
+    saved = navigator_of(before).save()
     engine = Engine(made())
     assert isinstance(engine.estimator, NavigationEstimator)
     engine.estimator.continue_from(Navigator.load(saved))
-    sent = []
-    later = sorted([*World(9.0).dvl(), *lines(9.0)], key=lambda entry: entry[:2])
-    for arrival_ns, source, data in later:
-        if arrival_ns - START_NS > 7_000_000_000:
-            sent += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, data)]
+    later = [one for one in World(9.0).arrivals(lines(9.0)) if one[0] - START_NS > 7_000_000_000]
+    sent = sent_lines(fly(engine, later))
     assert sent[-1].state == "OK"
-    assert engine.estimator.navigator is not None
-    attitude = engine.estimator.navigator.state()["attitude_t_p"]
+    attitude = navigator_of(engine).state()["attitude_t_p"]
     assert abs(float(np.dot(attitude, quaternion(*angles(8.9))))) == pytest.approx(1.0, abs=1e-6)
     assert np.abs(sent[-1].velocity - VELOCITY).max() < 0.05

@@ -8,7 +8,7 @@ import pytest
 from bottomlock.io.beams import read_geometry
 from bottomlock.live.engine import Engine
 from bottomlock.live.estimator import REOPENED, BeamJumps
-from tests.live.world import BEAM_SD, VELOCITY, Sent, World, config
+from tests.live.world import BEAM_SD, VELOCITY, World, config, fly, lines
 
 SECOND = 1_000_000_000
 ALL = np.ones(4, dtype=bool)
@@ -66,10 +66,7 @@ def test_outliers_do_not_reach_the_ports(lost: tuple[int, ...], most: float) -> 
 
     Three beams have no closure: an outlier within what the vehicle may do from ping to ping stays.
     """
-    sent = []
-    engine = Engine(config())
-    for arrival_ns, source, data in World(120.0, lambda _: lost, outliers=0.027).arrivals():
-        sent += engine.arrive(source, arrival_ns, data)
-    lines = [line for line in (Sent.parse(message.data) for message in sent) if line.rank == 3]
-    assert len(lines) > 1000
-    assert float(np.mean([((line.velocity - VELOCITY) / line.sd) ** 2 for line in lines])) < most
+    sent = fly(Engine(config()), World(120.0, lambda _: lost, outliers=0.027).arrivals())
+    whole = [line for line in lines(sent) if line.rank == 3]
+    assert len(whole) > 1000
+    assert float(np.mean([((line.velocity - VELOCITY) / line.sd) ** 2 for line in whole])) < most

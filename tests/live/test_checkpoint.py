@@ -14,7 +14,7 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigator_config import NavigatorConfig
 from bottomlock.ports.estimate import SILENT
-from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, Sent, World, config
+from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, World, config, fly, lines
 
 S = 1_000_000_000
 
@@ -22,8 +22,7 @@ S = 1_000_000_000
 def until(seconds: float) -> tuple[Engine, bytes]:
     """An engine after some seconds, and its checkpoint."""
     engine = Engine(config("navigation"))
-    for arrival_ns, source, data in World(seconds).arrivals(imu=True):
-        engine.arrive(source, arrival_ns, data)
+    fly(engine, World(seconds).arrivals(imu=True))
     content = pack(engine, engine.now_ns)
     assert content is not None
     return engine, content
@@ -41,15 +40,10 @@ def test_goes_on_within_two_seconds(tmp_path: Path) -> None:
     engine, used, words = begin(with_file(file), START_NS + 5 * S)
     assert used is not None
     assert words == "goes on from the checkpoint of 1.0 s ago"
-    sent = []
-    for arrival_ns, source, data in World(9.0).arrivals(imu=True):
-        if arrival_ns < START_NS + 5 * S:
-            continue
-        for message in engine.arrive(source, arrival_ns, data):
-            assert engine.state not in SILENT
-            sent.append((arrival_ns, Sent.parse(message.data)))
+    sent = fly(engine, [one for one in World(9.0).arrivals(imu=True) if one[0] >= START_NS + 5 * S])
     assert sent[0][0] < START_NS + 6 * S
-    for _, one in sent:
+    assert not {state for _, _, state in sent} & set(SILENT)
+    for one in lines(sent):
         assert one.resets == 1
         assert (np.abs(one.velocity - VELOCITY) < 5.0 * one.sd).all()
     assert engine.state == "OK"
@@ -187,8 +181,7 @@ def test_the_geometry_of_the_start_counts(tmp_path: Path) -> None:
         return config("navigation", extra=text, geometry=str(geometry))
 
     engine = Engine(configured())
-    for arrival_ns, source, data in World(3.0).arrivals(imu=True):
-        engine.arrive(source, arrival_ns, data)
+    fly(engine, World(3.0).arrivals(imu=True))
     geometry.write_text(own.replace("22.5", "23.0"))
     content = pack(engine, engine.now_ns)
     assert content is not None

@@ -15,8 +15,7 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.ports.estimate import Mode
 from bottomlock.recordings.readings import LOST_SD_MPS, Ping
-from tests.live.test_engine import fly
-from tests.live.world import START_NS, World, config
+from tests.live.world import START_NS, World, config, fly
 
 STATED_MPS = float(np.float32(0.01))
 """Figure of merit in the world's records of Nortek."""
@@ -35,12 +34,16 @@ def test_the_figure_of_merit_is_the_noise_of_a_beam(mode: Mode) -> None:
     """Records that state 0.01 m/s give the bytes that 0.01 m/s for all beams gives, whatever the geometry says."""
     world = World(4.0, form="nortek-dvl")
     of_section, of_record = (
-        fly(Engine(config(mode, format="nortek-dvl", change=change)), world, imu=mode == "navigation")
+        fly(
+            Engine(config(mode, format="nortek-dvl", change=change)), world.arrivals(imu=mode == "navigation")
+        )
         for change in (("noise_mps = 0.01", f"noise_mps = {STATED_MPS!r}"), AS_RECORDED)
     )
     assert [message for _, message, _ in of_record] == [message for _, message, _ in of_section]
     other = ("noise_mps = 0.01", "noise_mps = 0.02")
-    doubled = fly(Engine(config(mode, format="nortek-dvl", change=other)), world, imu=mode == "navigation")
+    doubled = fly(
+        Engine(config(mode, format="nortek-dvl", change=other)), world.arrivals(imu=mode == "navigation")
+    )
     assert [message for _, message, _ in doubled] != [message for _, message, _ in of_section]
 
 
@@ -133,7 +136,7 @@ def test_the_offset_counts_for_stamps_that_are_taken_as_they_are(
     for text in (CALIBRATION, CALIBRATION.replace("clock_offset_s = 0.02\n", "")):
         change = ('format = "waterlinked-json"', f'format = "waterlinked-json"\nclock = "{clock}"')
         engine = Engine(config(geometry=calibrated(tmp_path, text), change=change))
-        fly(engine, World(1.0, offset_ns=lambda _: 0))
+        fly(engine, World(1.0, offset_ns=lambda _: 0).arrivals())
         times.append(engine.estimator.time_ns)
     assert times[0] is not None
     assert times[1] is not None

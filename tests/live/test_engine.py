@@ -10,29 +10,19 @@ import pytest
 
 from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine, Message
-from bottomlock.ports.estimate import SILENT, State
-from tests.live.world import START_NS, VELOCITY, Sent, World, config
-
-Flown = list[tuple[int, Message, State]]
-
-
-def fly(engine: Engine, world: World, *, imu: bool = False) -> Flown:
-    """Arrival, message and state of everything that a run sends."""
-    found: Flown = []
-    for arrival_ns, source, data in world.arrivals(imu=imu):
-        found += [(arrival_ns, message, engine.state) for message in engine.arrive(source, arrival_ns, data)]
-    return found
-
-
-def states(sent: Flown) -> list[State]:
-    """The states of the messages, without repeats."""
-    names = [state for _, _, state in sent]
-    return names[:1] + [b for a, b in pairwise(names) if a != b]
-
-
-def one_to_three_beams(t: float) -> tuple[int, ...]:
-    """Two beams lost from 3 s to 5 s, all from 5 s to 6.5 s."""
-    return (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else ()
+from bottomlock.ports.estimate import SILENT
+from tests.live.world import (
+    START_NS,
+    VELOCITY,
+    Flown,
+    Sent,
+    World,
+    config,
+    fly,
+    lines,
+    one_to_three_beams,
+    states,
+)
 
 
 @pytest.mark.parametrize("form", ["waterlinked-json", "pd0"])
@@ -40,15 +30,14 @@ def test_velocity_with_what_beams_are_left(form: str) -> None:
     """Every ping with a beam is an estimate; what two beams do not determine is absent, not uncertain."""
     world = World(9.0, one_to_three_beams, form=form)
     engine = Engine(config(format=form))
-    sent = fly(engine, world)
+    sent = fly(engine, world.arrivals())
     assert states(sent) == ["OK", "PARTIAL", "OK"]
-    lines = [Sent.parse(message.data) for _, message, _ in sent]
-    partial = [line for line in lines if line.rank == 2]
+    partial = [line for line in lines(sent) if line.rank == 2]
     assert len(partial) == 20
     for line in partial:
         assert np.isfinite(line.velocity).sum() in {0, 1}
         np.testing.assert_array_equal(np.isfinite(line.sd), np.isfinite(line.velocity))
-    whole = [line for line in lines if line.rank == 3]
+    whole = [line for line in lines(sent) if line.rank == 3]
     errors = np.array([(line.velocity - VELOCITY) / line.sd for line in whole])
     assert np.sqrt((errors**2).mean()) < 1.4
 
@@ -56,7 +45,7 @@ def test_velocity_with_what_beams_are_left(form: str) -> None:
 def test_nothing_is_sent_without_beams() -> None:
     """In mode velocity there is nothing to coast on: the state is UNSAFE and says why."""
     engine = Engine(config())
-    sent = fly(engine, World(6.4, one_to_three_beams))
+    sent = fly(engine, World(6.4, one_to_three_beams).arrivals())
     assert engine.state == "UNSAFE"
     assert "no usable beam for" in engine.machine.why
     assert max(arrival for arrival, _, _ in sent) < START_NS + 5_100_000_000
@@ -65,9 +54,9 @@ def test_nothing_is_sent_without_beams() -> None:
 def test_time_of_validity_on_the_hosts_clock() -> None:
     """The instrument's clock is 1000 s off and drifts by 40 ppm: estimates bear the host's time, to 2 ms."""
     world = World(60.0, offset_ns=lambda t: round(1e12 + 4e-5 * 1e9 * t))
-    sent = fly(Engine(config()), world)
+    sent = fly(Engine(config()), world.arrivals())
     valid = START_NS + np.round((np.arange(600) + 0.5) / 10.0 * 1e9)
-    times = np.array([Sent.parse(message.data).time_ns for _, message, _ in sent])
+    times = np.array([line.time_ns for line in lines(sent)])
     # The transmission is taken as the arrival: 40 ms after validity, and the least delay of the line.
     assert len(times) == 600
     assert np.abs(times - valid)[20:].max() < 2e6
@@ -78,10 +67,10 @@ def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
     """Pings after it are unsure until the step is known; then they go on."""
     world = World(12.0, offset_ns=lambda t: 0 if t < 5.0 else -700_000_000)
     engine = Engine(config())
-    sent = fly(engine, world)
+    sent = fly(engine, world.arrivals())
     valid = {START_NS + round((k + 0.5) / 10.0 * 1e9) for k in range(120)}
-    for _, message, _ in sent:
-        assert min(abs(Sent.parse(message.data).time_ns - one) for one in valid) < 6e6
+    for line in lines(sent):
+        assert min(abs(line.time_ns - one) for one in valid) < 6e6
     assert engine.sources[0].clock.steps == 1
     assert engine.sources[0].clock.last_step_ns == pytest.approx(-7e8, abs=6e6)
     assert engine.state == "OK"
@@ -102,7 +91,7 @@ def asked_in_between(engine: Engine, world: World) -> list[tuple[int, Message]]:
 def test_the_engine_is_a_function_of_what_arrives() -> None:
     """Asked for the time in between or not, the messages are the same bits."""
     world = World(8.0, one_to_three_beams)
-    once = [(a, m) for a, m, _ in fly(Engine(config("navigation")), world, imu=True)]
+    once = [(a, m) for a, m, _ in fly(Engine(config("navigation")), world.arrivals(imu=True))]
     assert once == asked_in_between(Engine(config("navigation")), world)
     assert once
 
@@ -110,14 +99,14 @@ def test_the_engine_is_a_function_of_what_arrives() -> None:
 def test_navigation_coasts_and_comes_back_without_a_jump() -> None:
     """OK, PARTIAL, COASTING, OK; the velocity stays within its sigma, also where beams return."""
     engine = Engine(config("navigation"))
-    sent = fly(engine, World(10.0, one_to_three_beams), imu=True)
+    sent = fly(engine, World(10.0, one_to_three_beams).arrivals(imu=True))
     assert states(sent) == ["OK", "PARTIAL", "COASTING", "OK"]
-    lines = [Sent.parse(message.data) for _, message, _ in sent]
-    times = np.array([line.time_ns for line in lines])
+    found = lines(sent)
+    times = np.array([line.time_ns for line in found])
     assert (np.diff(times) >= 1e8 - 1).all()
-    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in lines])
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in found])
     assert np.abs(errors).max() < 5.0
-    for before, after in pairwise(lines):
+    for before, after in pairwise(found):
         jump = np.abs(after.velocity - before.velocity)
         assert (jump < 3.0 * np.hypot(before.sd, after.sd)).all()
 
@@ -125,7 +114,7 @@ def test_navigation_coasts_and_comes_back_without_a_jump() -> None:
 def test_a_ping_is_not_sent_again_while_coasting() -> None:
     """The ports that pass beams on get none."""
     engine = Engine(config(mode="navigation"))
-    fly(engine, World(6.4, one_to_three_beams), imu=True)
+    fly(engine, World(6.4, one_to_three_beams).arrivals(imu=True))
     assert engine.state == "COASTING"
     (before, coasting) = (engine.estimator.estimate(state, 0) for state in ("PARTIAL", "COASTING"))
     assert before is not None
@@ -171,14 +160,14 @@ def test_stamps_on_the_hosts_clock() -> None:
 @pytest.mark.parametrize(("column", "by"), [(4, 10.0), (4, -80.0), (6, 60.0), (3, 4.0)])
 def test_one_inertial_reading_that_no_vehicle_makes(column: int, by: float) -> None:
     """A flipped bit of a force or a rate within the full scale, while no beam returns: no message is off by more."""
-    engine, lines = Engine(config("navigation")), []
+    engine, found = Engine(config("navigation")), []
     for arrival_ns, source, data in World(7.0, lambda t: (0, 1, 2, 3) if t > 5.0 else ()).arrivals(imu=True):
         given = data
         if source == 1 and data.startswith(b"5500000000,"):
             parts = data.partition(b"*")[0].split(b",")
             parts[column] = repr(float(parts[column]) + by).encode()
             given = b",".join(parts) + b"*%02X\n" % xor_of(b",".join(parts))
-        lines += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, given)]
-    late = [line for line in lines if line.time_ns > START_NS + 5_500_000_000]
+        found += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, given)]
+    late = [line for line in found if line.time_ns > START_NS + 5_500_000_000]
     assert len(late) > 10
     assert max(float(np.abs((line.velocity - VELOCITY) / line.sd).max()) for line in late) < 4.0

@@ -12,15 +12,14 @@ from typing import Any
 from bottomlock.live.engine import Engine
 from bottomlock.live.health import HealthServer, metrics, status
 from bottomlock.live.runner import Live
-from tests.live.world import World, config
+from tests.live.world import World, config, fly
 
 
 def flown(seconds: float = 2.0, lost: tuple[int, ...] = ()) -> Live:
     """A run that is over, as the page sees it, in a loop of its own."""
     settings = config()
     engine = Engine(settings)
-    for arrival_ns, source, data in World(seconds, lambda t: lost if t > 1.0 else ()).arrivals():
-        engine.arrive(source, arrival_ns, data)
+    fly(engine, World(seconds, lambda t: lost if t > 1.0 else ()).arrivals())
     now = engine.now_ns + 100_000_000
     return Live(settings, engine, say=lambda _: None, send=lambda _: None, clock=lambda: now)
 

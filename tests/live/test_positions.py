@@ -9,11 +9,19 @@ import pytest
 
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
-from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.readings import AcousticPositionReading, GpsReading
-from tests.live.world import LATITUDE_DEG, NAVIGATION_TOML, START_NS, VELOCITY, World
+from tests.live.world import (
+    LATITUDE_DEG,
+    NAVIGATION_TOML,
+    START_NS,
+    VELOCITY,
+    Arrivals,
+    World,
+    fly,
+    navigator_of,
+)
 
 SECONDS, HEADING_RAD = 20.0, np.deg2rad(30.0)
 HOME = Place(np.deg2rad(LATITUDE_DEG), np.deg2rad(35.0), 17.0)
@@ -65,7 +73,7 @@ def truth_m(seconds: float) -> np.ndarray:
     return np.asarray(AWAY_M + to_tangent() @ VELOCITY * seconds)
 
 
-def fixes(form: str, source: int, seed: int = 4) -> list[tuple[int, int, bytes]]:
+def fixes(form: str, source: int, seed: int = 4) -> Arrivals:
     """Positions of the point at the lever arm, a second apart, with 0.5 m of noise, 0.3 s late."""
     random, lines = np.random.default_rng(seed), []
     for second in range(2, int(SECONDS)):
@@ -82,19 +90,12 @@ def fixes(form: str, source: int, seed: int = 4) -> list[tuple[int, int, bytes]]
     return lines
 
 
-def flown(settings: LiveConfig, more: list[tuple[int, int, bytes]]) -> Engine:
-    engine = Engine(settings)
-    entries = sorted([*World(SECONDS).arrivals(imu=True), *more], key=lambda entry: entry[:2])
-    for arrival_ns, source, data in entries:
-        engine.arrive(source, arrival_ns, data)
-    return engine
-
-
-def position(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
+def position(settings: LiveConfig, more: Arrivals) -> tuple[np.ndarray, np.ndarray]:
     """Error and 1 sigma of the position at the end, m."""
-    assert isinstance(engine.estimator, NavigationEstimator)
-    assert engine.estimator.navigator is not None
-    state, covariance = engine.estimator.navigator.state(), engine.estimator.navigator.covariance()
+    engine = Engine(settings)
+    fly(engine, World(SECONDS).arrivals(more, imu=True))
+    navigator = navigator_of(engine)
+    state, covariance = navigator.state(), navigator.covariance()
     error = truth_m((state["time_ns"] - START_NS) * 1e-9) - state["position_t_m"]
     return np.asarray(error), np.sqrt(np.diag(covariance)[:3])
 
@@ -102,10 +103,10 @@ def position(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(("form", "extra"), [("gps", GPS), ("usbl", USBL)])
 def test_positions_bring_the_vehicle_where_it_is(form: str, extra: str) -> None:
     """Horizontally from 47 m off to within the claim of 0.3 m, the lever arm and the delay allowed for."""
-    error, sd = position(flown(navigation(extra), fixes(form, 2)))
+    error, sd = position(navigation(extra), fixes(form, 2))
     assert (sd[:2] < 0.3).all()
     assert (np.abs(error[:2]) < 3.0 * sd[:2]).all()
-    without, claimed = position(flown(navigation(), []))
+    without, claimed = position(navigation(), [])
     assert np.linalg.norm(without[:2]) > 40.0
     assert (claimed[:2] > 49.0).all()
 

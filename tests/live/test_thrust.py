@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from bottomlock.live.engine import Engine
-from bottomlock.live.navigation import NavigationEstimator
 from tests.live.test_water_track import THROUGH
-from tests.live.world import START_NS, VELOCITY, World, config
+from tests.live.world import START_NS, VELOCITY, Arrivals, World, config, fly, navigator_of
 
 SECONDS, LOST_S = 30.0, 10.0
 ADVANCE_M, DRAG = 0.12, np.array([20.0, 40.0, 60.0])
@@ -28,7 +27,7 @@ clock = "host"
 """
 
 
-def lines(sensor: str, factor: float) -> list[tuple[int, int, bytes]]:
+def lines(sensor: str, factor: float) -> Arrivals:
     """Five a second, of the speed through the water or the drag at it, with 1 cm/s or a fifth of a newton of noise."""
     random, found = np.random.default_rng(9), []
     for k in range(round(5 * SECONDS)):
@@ -41,15 +40,12 @@ def lines(sensor: str, factor: float) -> list[tuple[int, int, bytes]]:
     return found
 
 
-def flown(extra: str, more: list[tuple[int, int, bytes]]) -> tuple[Engine, np.ndarray, np.ndarray]:
+def flown(extra: str, more: Arrivals) -> tuple[Engine, np.ndarray, np.ndarray]:
     """Engine, errors of surge, sway and heave and their 1 sigma, m/s, after 20 s without the bottom."""
     engine = Engine(config("navigation", extra=extra))
     world = World(SECONDS, lambda t: (0, 1, 2, 3) if t >= LOST_S else ())
-    for arrival_ns, source, data in sorted([*world.arrivals(imu=True), *more], key=lambda one: one[:2]):
-        engine.arrive(source, arrival_ns, data)
-    assert isinstance(engine.estimator, NavigationEstimator)
-    navigator = engine.estimator.navigator
-    assert navigator is not None
+    fly(engine, world.arrivals(more, imu=True))
+    navigator = navigator_of(engine)
     error = np.asarray(navigator.state()["velocity_p_mps"]) - VELOCITY
     return engine, error, np.sqrt(np.diag(navigator.covariance())[6:9])
 

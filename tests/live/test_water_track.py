@@ -9,8 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.live.engine import Engine
-from tests.live.test_engine import fly, states
-from tests.live.world import VELOCITY, Sent, World, config
+from tests.live.world import VELOCITY, World, config, fly, lines, states
 
 CURRENT = np.array([0.3, -0.2, 0.0])
 SECTION = "\n[water_track]\nnoise_mps = 0.02\n"
@@ -37,16 +36,14 @@ def test_the_water_takes_over_and_the_bottom_comes_back(form: str) -> None:
     """
     world = World(10.5, none_from_five, form=form, through_mps=THROUGH)
     engine = Engine(config("navigation", extra=SECTION, format=form))
-    sent = fly(engine, world, imu=True)
+    sent = fly(engine, world.arrivals(imu=True))
     assert states(sent) == ["OK", "WATER", "OK"]
-    lines = [Sent.parse(message.data) for _, message, _ in sent]
-    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in lines])
+    errors = np.array([(line.velocity - VELOCITY) / line.sd for line in lines(sent)])
     assert np.abs(errors).max() < 5.0
-    plain = fly(Engine(config("navigation", format=form)), world, imu=True)
+    plain = fly(Engine(config("navigation", format=form)), world.arrivals(imu=True))
     assert states(plain) == ["OK", "COASTING", "OK"]
-    worst = max(float(line.sd.max()) for line in lines if line.state == "WATER")
-    coasting = [Sent.parse(message.data) for _, message, _ in plain]
-    assert worst < max(float(line.sd.max()) for line in coasting if line.state == "COASTING")
+    worst = max(float(line.sd.max()) for line in lines(sent) if line.state == "WATER")
+    assert worst < max(float(line.sd.max()) for line in lines(plain) if line.state == "COASTING")
     current, sd, used = water_of(engine)
     assert (np.abs(current - CURRENT[:2]) < 4.0 * sd).all()
     assert (sd < 0.05).all()
@@ -56,7 +53,7 @@ def test_the_water_takes_over_and_the_bottom_comes_back(form: str) -> None:
 def test_water_tracking_of_a_water_linked() -> None:
     """It reports the water in place of the bottom: learnt before, the current is what a start with both would give."""
     engine = Engine(config("navigation", extra=SECTION))
-    sent = fly(engine, World(8.5, none_from_five, through_mps=THROUGH), imu=True)
+    sent = fly(engine, World(8.5, none_from_five, through_mps=THROUGH).arrivals(imu=True))
     assert states(sent) == ["OK", "WATER"]
     current, sd, used = water_of(engine)
     assert (np.abs(current - CURRENT[:2]) < 4.0 * sd).all()
@@ -77,5 +74,5 @@ def test_two_beams_of_the_water_do_not_hold_the_velocity(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(engine.sources[0].reader, "feed", two)
     world = World(7.0, none_from_five, form="pd0", through_mps=THROUGH)
-    assert states(fly(engine, world, imu=True)) == ["OK", "COASTING"]
+    assert states(fly(engine, world.arrivals(imu=True))) == ["OK", "COASTING"]
     assert water_of(engine)[2] > 100

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from bottomlock.encoders.ping import Ping
 from bottomlock.encoders.registry import encoder
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.sentences import xor_of
-from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2, solve_velocity
+from bottomlock.kernel import EARTH_RATE_RADPS, Navigator, normal_gravity_mps2, solve_velocity
 from bottomlock.live.config import LiveConfig, parse_config
+from bottomlock.live.engine import Engine, Message
+from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.ports import registry
-from bottomlock.ports.estimate import Estimate
+from bottomlock.ports.estimate import Estimate, State
 from bottomlock.ports.port import Port
 from tests.dive import felt
 
@@ -143,6 +146,41 @@ def config(
 
 
 Lost = Callable[[float], tuple[int, ...]]
+Arrivals = list[tuple[int, int, bytes]]
+"""Time of arrival, source (0 DVL, 1 IMU) and bytes, in order."""
+Flown = list[tuple[int, Message, State]]
+"""Arrival, message and state of everything that a run sends."""
+
+
+def fly(engine: Engine, arrivals: Iterable[tuple[int, int, bytes]]) -> Flown:
+    """Gives an engine what arrives."""
+    found: Flown = []
+    for arrival_ns, source, data in arrivals:
+        found += [(arrival_ns, message, engine.state) for message in engine.arrive(source, arrival_ns, data)]
+    return found
+
+
+def lines(sent: Flown) -> list[Sent]:
+    """What the probe has written."""
+    return [Sent.parse(message.data) for _, message, _ in sent]
+
+
+def states(sent: Flown) -> list[State]:
+    """The states of the messages, without repeats."""
+    names = [state for _, _, state in sent]
+    return names[:1] + [b for a, b in pairwise(names) if a != b]
+
+
+def navigator_of(engine: Engine) -> Navigator:
+    """Its navigator, once it is aligned."""
+    assert isinstance(engine.estimator, NavigationEstimator)
+    assert engine.estimator.navigator is not None
+    return engine.estimator.navigator
+
+
+def one_to_three_beams(t: float) -> tuple[int, ...]:
+    """Two beams lost from 3 s to 5 s, all from 5 s to 6.5 s."""
+    return (1, 2) if 3.0 <= t < 5.0 else (0, 1, 2, 3) if 5.0 <= t < 6.5 else ()
 
 
 @dataclass
@@ -170,10 +208,10 @@ class World:
     imu_hz: float = 100.0
     pings: dict[int, np.ndarray] = field(default_factory=dict)
 
-    def arrivals(self, *, imu: bool = False) -> Iterator[tuple[int, int, bytes]]:
-        """Time of arrival, source (0 DVL, 1 IMU) and bytes, in order."""
-        entries = [*self.dvl(), *(self.imu() if imu else ())]
-        return iter(sorted(entries, key=lambda entry: entry[:2]))
+    def arrivals(self, more: Iterable[tuple[int, int, bytes]] = (), *, imu: bool = False) -> Arrivals:
+        """What comes of its instruments, and more."""
+        entries = [*self.dvl(), *(self.imu() if imu else ()), *more]
+        return sorted(entries, key=lambda entry: entry[:2])
 
     def dvl(self) -> Iterator[tuple[int, int, bytes]]:
         """Reports of the DVL, 40 ms after the time of validity and up to 5 ms of delay."""
