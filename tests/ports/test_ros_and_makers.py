@@ -13,7 +13,7 @@ from bottomlock.io import ros as ros_reader
 from bottomlock.io import waterlinked_json as waterlinked_reader
 from bottomlock.io.rows import PLAIN
 from bottomlock.kernel import solve_velocity
-from bottomlock.ports.registry import port
+from bottomlock.ports.registry import PORTS, port
 from tests.ports.cases import BEAM_SD, JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
 from tests.ports.receivers import waterlinked_client
 
@@ -40,6 +40,16 @@ def store() -> Any:  # noqa: ANN401 - the library is not typed
 
 def vector(message: Any) -> list[float]:  # noqa: ANN401
     return [message.x, message.y, message.z]
+
+
+@pytest.mark.parametrize("name", [name for name, made in PORTS.items() if made.ros_type])
+def test_a_time_that_ros_cannot_hold_is_not_sent(name: str) -> None:
+    """From 2038 on a second is no signed number of 32 bits."""
+    one = port(name, **({"geometry": JANUS} if "geometry" in PORTS[name].model_fields else {}))
+    beams = from_beams(MASKS["4 beams"]).beams
+    assert one.encode(navigated(2**31 * SECOND - 1, beams=beams)) is not None
+    assert one.encode(navigated(2**31 * SECOND, beams=beams)) is None
+    assert "later than a ROS time holds" in str(one.reason)
 
 
 def test_ros_velocity(store: Any) -> None:  # noqa: ANN401

@@ -166,7 +166,7 @@ MISTAKES: list[tuple[Callable[[], dict[str, Floats]], str, str]] = [
     (lambda: scaled(time_s=1e3), "", "is the time in ms"),
     (lambda: scaled(time_s=1e-3), "", "is the time in ms|positions in mm"),
     (lambda: renamed(heading_deg="heading_rad"), "", "call the column heading_deg"),
-    (lambda: renamed(pitch_deg="pitch_rad"), "", "row 0: pitch_rad is 4.*call the column pitch_deg"),
+    (lambda: renamed(pitch_deg="pitch_rad"), "", "row 0: pitch 4 rad.*call the column pitch_deg"),
     (
         lambda: renamed(north_m="latitude_deg", east_m="longitude_deg"),
         "",

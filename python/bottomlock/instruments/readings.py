@@ -80,11 +80,9 @@ class Readings:
             raise DataError(f"no ping in the first {duration_s:g} s", place=self.name)
         imu, depth, truth = self.imu, self.depth, self.truth
         if imu is not None:
-            n = int(np.searchsorted(imu.time_ns, last_ns, side="right"))
-            imu = Inertial(imu.time_ns[:n], imu.force_p_mps2[:n], imu.omega_p_radps[:n])
+            imu = imu.rows(slice(int(np.searchsorted(imu.time_ns, last_ns, side="right"))))
         if depth is not None:
-            n = int(np.searchsorted(depth.time_ns, last_ns, side="right"))
-            depth = Depths(depth.time_ns[:n], depth.depth_m[:n])
+            depth = depth.kept(depth.time_ns <= last_ns)
         if truth is not None:
             truth = TrueStates(truth.position_t_m[keep], truth.velocity_p_mps[keep], truth.rpy_rad[keep])
         parts = {name: getattr(self, name)[keep] for name in ("time_ns", "beam_mps", "range_m", "stated")}

@@ -14,6 +14,7 @@ from bottomlock.errors import DataError
 from bottomlock.instruments.readings import Floats, Readings, TrueStates, ranges_or_flat
 from bottomlock.io.beam_table import WaterTable, read_beam_table, read_water_table, water_file
 from bottomlock.io.beams import read_geometry, read_instrument_file
+from bottomlock.io.columns import numbers_of
 from bottomlock.io.formats import read_recording
 from bottomlock.plant.flight import euler_rad
 from bottomlock.recordings.streams import Depths, Inertial
@@ -59,11 +60,8 @@ def readings_of_scenario(scenario: Scenario, *, run: int = 0, altitude_m: float 
     streams = sensor_streams(simulation, truth, run=run)
     table, imu, depth = streams["beams"], streams["imu"], streams["depth"]
     geometry = simulation.geometry
-    numbers = range(1, geometry.beams + 1)
-    beam_mps: Floats = table.select(f"beam{k}_mps" for k in numbers).fill_null(np.nan).to_numpy()
-    range_m = None
-    if "beam1_range_m" in table.columns:
-        range_m = table.select(f"beam{k}_range_m" for k in numbers).fill_null(np.nan).to_numpy()
+    beam_mps = _of_beams(table, "mps", geometry.beams)
+    range_m = _of_beams(table, "range_m", geometry.beams) if "beam1_range_m" in table.columns else None
     time_ns = table["time_ns"].to_numpy()
     return Readings(
         name=scenario.name,
@@ -92,8 +90,13 @@ def _water(table: pl.DataFrame | None, time_ns: np.ndarray, beams: int) -> Float
         return None
     water = np.full((len(time_ns), beams), np.nan)
     rows = np.searchsorted(time_ns, table["time_ns"].to_numpy())
-    water[rows] = table.select(f"beam{k}_mps" for k in range(1, beams + 1)).fill_null(np.nan).to_numpy()
+    water[rows] = _of_beams(table, "mps", beams)
     return water
+
+
+def _of_beams(table: pl.DataFrame, quantity: str, beams: int) -> Floats:
+    """(n, beams) a quantity, NaN where there is none."""
+    return numbers_of(table, [f"beam{k + 1}_{quantity}" for k in range(beams)], "run")
 
 
 def _states(truth: Truth, time_ns: np.ndarray) -> TrueStates:

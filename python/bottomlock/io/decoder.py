@@ -28,7 +28,7 @@ from bottomlock.io.rows import (
     raise_if_empty,
     whole_times,
 )
-from bottomlock.io.sentences import LONGEST_LINE, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, without_numbers, xor_of
 
 
 @dataclass(kw_only=True)
@@ -379,7 +379,7 @@ class RecordDecoder(Decoder):
         """Why a record gave no ping, without what differs from record to record."""
         text = str(error).removeprefix(f"{self.place}: ")
         skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
-        return skipped.group(1) if skipped else re.sub(r"[0-9]+", "…", text)[:80]
+        return skipped.group(1) if skipped else without_numbers(text)[:80]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import functools
 import operator
+import re
 
 LONGEST_LINE = 4096
 """Longest line that is searched for a sentence; no instrument's sentence is longer."""
@@ -19,6 +20,11 @@ def printable(text: str) -> str:
     'a\\x0ab'
     """
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
+def without_numbers(text: str) -> str:
+    """An error without what differs from case to case, so that equal ones are counted together."""
+    return re.sub(r"[0-9]+", "…", text)
 
 
 def number(text: bytes) -> float | None:

@@ -161,19 +161,8 @@ def _check_geodetic(latitude: Floats, longitude: Floats, unit: str, place: str) 
         ("latitude", latitude, np.deg2rad(89.0)),
         ("longitude", longitude, np.deg2rad(360.0)),
     ):
-        bad = np.flatnonzero(np.abs(values) > bound)
-        if bad.size:
-            shown = values[bad[0]] if unit == "rad" else np.rad2deg(values[bad[0]])
-            likely = (
-                f"if these are degrees, call the column {name}_deg" if unit == "rad"
-                else "are latitude and longitude exchanged, or is it a projected coordinate in metres?"
-            )  # fmt: skip
-            raise DataError(
-                f"{name} {shown:g} {unit}",
-                place=f"{place}: row {bad[0]}",
-                expected=f"at most {np.rad2deg(bound):g} deg",
-                hint=likely,
-            )
+        exchanged = "are latitude and longitude exchanged, or is it a projected coordinate in metres?"
+        _check_within(name, values, bound, unit, place, exchanged)
 
 
 def _flat(latitude: Floats, longitude: Floats, place: str) -> Floats:
@@ -271,12 +260,23 @@ def _check_tilts(found: Mapping[str, Floats], used: list[str], place: str) -> No
         DataError: naming the row.
     """
     for angle, bound in (("roll", np.pi), ("pitch", 0.5 * np.pi)):
-        bad = np.flatnonzero(np.abs(found.get(angle, np.zeros(0))) > bound)
-        if bad.size:
-            name = next(name for name in used if name.startswith(angle))
-            value = found[angle][bad[0]]
-            raise DataError(
-                f"{place}: row {bad[0]}: {name} is {value if name.endswith('_rad') else np.rad2deg(value):g}, expected "
-                f"at most {np.rad2deg(bound):g} deg"
-                + (f"; if these are degrees, call the column {angle}_deg" if name.endswith("_rad") else "")
-            )
+        for name in used:
+            if name.startswith(angle):
+                _check_within(angle, found[angle], bound, name[-3:], place)
+
+
+def _check_within(name: str, values: Floats, bound: float, unit: str, place: str, likely: str = "") -> None:
+    """Rejects angles, rad, of a column in deg or rad beyond a bound.
+
+    Raises:
+        DataError: naming the row.
+    """
+    bad = np.flatnonzero(np.abs(values) > bound)
+    if bad.size:
+        shown = values[bad[0]] if unit == "rad" else np.rad2deg(values[bad[0]])
+        raise DataError(
+            f"{name} {shown:g} {unit}",
+            place=f"{place}: row {bad[0]}",
+            expected=f"at most {np.rad2deg(bound):g} deg",
+            hint=f"if these are degrees, call the column {name}_deg" if unit == "rad" else likely,
+        )

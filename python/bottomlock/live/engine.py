@@ -4,13 +4,13 @@ It has no clock of its own, so a raw log played again gives the very bytes that 
 alone (silence, lines that wait) is done at multiples of `TICK_NS` of the arrival clock, whoever asks first.
 """
 
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from bottomlock import units
 from bottomlock.errors import BottomlockError
 from bottomlock.io.rows import Options
+from bottomlock.io.sentences import without_numbers
 from bottomlock.live.clock import ClockMap
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import Estimator, VelocityEstimator
@@ -223,7 +223,7 @@ class Engine:
         try:
             self.estimator.take(time_ns, reading, arrival_ns)
         except BottomlockError as error:
-            one.refused.add(_without_numbers(str(error)))
+            one.refused.add(without_numbers(str(error))[:100])
             return []
         one.used += 1
         if isinstance(reading, Ping):
@@ -340,8 +340,3 @@ def _estimator(config: LiveConfig) -> Estimator:
 def _period_ns(sources: Iterable[SourceSection]) -> int:
     """Longest expected period among sources; 0 without any."""
     return max((units.ns_from_s(1.0 / one.rate_hz) for one in sources), default=0)
-
-
-def _without_numbers(text: str) -> str:
-    """An error without what differs from case to case, so that equal ones are counted together."""
-    return re.sub(r"\d+", "…", text)[:100]

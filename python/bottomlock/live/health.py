@@ -5,7 +5,6 @@ Read only, and on the loopback address unless the configuration says otherwise. 
 
 import asyncio
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import resources
 from types import MappingProxyType
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock.files.atomic_write import plain
 from bottomlock.live.http_server import HTML, JSON, REQUEST_S, TEXT, HttpServer, Request, reply
 from bottomlock.live.runner import Live
 from bottomlock.live.states import ORDER
@@ -46,9 +46,9 @@ def status(live: Live) -> dict[str, Any]:
     engine, now_ns = live.engine, live.clock()
     estimator, machine = engine.estimator, engine.machine
     known = estimator.estimate(engine.state, engine.reset_counter)
-    sd = [None] * 3 if known is None else [_number(math.sqrt(v)) for v in np.diag(known.covariance_m2ps2)]
+    sd = [None] * 3 if known is None else np.sqrt(np.diag(known.covariance_m2ps2))
     attitude, attitude_sd = _attitude(known)
-    return {
+    shown = {
         "name": engine.config.name,
         "mode": engine.config.mode,
         "state": engine.state,
@@ -56,13 +56,13 @@ def status(live: Live) -> dict[str, Any]:
         "state_for_s": None if machine.since_ns is None else _age_s(now_ns, machine.since_ns),
         "reset_counter": engine.reset_counter,
         "internal_errors": live.faults,
-        "velocity_mps": [None] * 3 if known is None else [_number(v) for v in known.velocity_p_mps],
+        "velocity_mps": [None] * 3 if known is None else known.velocity_p_mps,
         "velocity_sd_mps": sd,
         "attitude_rpy_rad": attitude,
         "attitude_sd_rad": attitude_sd,
         "estimate_age_s": None if known is None else _age_s(now_ns, known.time_ns),
         "beams": [
-            {"velocity_mps": _number(v), "used": bool(used)}
+            {"velocity_mps": v, "used": used}
             for v, used in zip(estimator.last.velocity_mps, estimator.last.used, strict=True)
         ],
         "rank": estimator.rank,
@@ -73,19 +73,14 @@ def status(live: Live) -> dict[str, Any]:
         "ports": [_port(live, place) for place in range(len(engine.ports))],
         "raw_log": None if live.log is None else {"file": live.log.path.name, "bytes": live.log.bytes},
     }
+    return dict(plain(shown))
 
 
-def _attitude(known: Estimate | None) -> tuple[list[float | None], list[float | None]]:
+def _attitude(known: Estimate | None) -> tuple[Any, Any]:
     """Roll, pitch, yaw of the platform, rad, and 1 sigma of its rotation about north, east, down; None without."""
     if known is None or known.attitude_t_p is None or known.navigation_covariance is None:
         return [None] * 3, [None] * 3
-    return list(map(_number, angles(known.attitude_t_p))), [
-        _number(math.sqrt(v)) for v in np.diag(known.navigation_covariance)[3:6]
-    ]
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return angles(known.attitude_t_p), np.sqrt(np.diag(known.navigation_covariance)[3:6])
 
 
 def _age_s(now_ns: int, then_ns: int) -> float:

@@ -16,6 +16,7 @@ from bottomlock.kernel.models import Positive
 from bottomlock.ports.cdr import CdrWriter
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import FrameName, Port
+from bottomlock.ports.ros_velocity import later_than_a_ros_time
 from bottomlock.recordings.readings import Ping
 
 _BOTTOM, _BEAMS, _UNKNOWN = 1, 4, -1.0
@@ -49,6 +50,8 @@ class RosDvl(Port):
         self._directions = np.asarray(self.geometry.directions_p)
 
     def _refuses(self, estimate: Estimate) -> str | None:
+        if late := later_than_a_ros_time(estimate):
+            return late
         if estimate.beams is None:
             return "there is no ping"
         if len(estimate.beams.velocity_mps) != _BEAMS:
