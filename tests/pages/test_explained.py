@@ -1,6 +1,6 @@
 """Each term is explained once, in the part in which it first stands."""
 
-from bottomlock.pages.page import Folded, Page, Part, Table, Terms
+from bottomlock.pages.page import Detail, Page, Part, Table, Terms
 from bottomlock.pages.pieces import EXPLANATIONS, explained
 
 
@@ -18,7 +18,6 @@ def told(page: Page) -> list[list[str]]:
 def test_terms_are_explained_where_they_first_stand() -> None:
     page = Page(
         "A dive",
-        [],
         [
             Part("a", "Start", ["No term of the field."]),
             Part("b", "Beams", [Terms([("Beams", "NIS 2.2. Closure of 985 pings.")])]),
@@ -32,5 +31,5 @@ def test_terms_are_explained_where_they_first_stand() -> None:
 
 def test_what_is_folded_away_does_not_count() -> None:
     """A reader has not seen it; its summary has been."""
-    page = Page("", [], [Part("a", "", [Folded("All", ["NIS"])]), Part("b", "", ["NIS"])], "")
+    page = Page("", [Part("a", "", [Detail("All", ["NIS"])]), Part("b", "", ["NIS"])], "")
     assert told(page) == [[], ["NIS"]]

@@ -7,7 +7,7 @@ from importlib.resources import files
 import pytest
 
 from bottomlock.figures.palette import new_figure
-from bottomlock.pages.page import Looked, Page, Part, Pictures, html
+from bottomlock.pages.page import Page, Part, Pictures, Viewer, html
 from tests.pages.test_plots import plots
 
 SHA256 = {
@@ -37,8 +37,8 @@ def script() -> str:
 
 def page(*, looked: bool) -> str:
     picture = Pictures().add(new_figure(), "one", "Nothing.")
-    block = Looked(plots(), [picture]) if looked else picture
-    return html(Page("A dive", [], [Part("dive", "The dive", [block])], "hands"))
+    block = Viewer(plots(), [picture]) if looked else picture
+    return html(Page("A dive", [Part("dive", "The dive", [block])], "hands"))
 
 
 def test_page_has_the_licence_and_loads_nothing() -> None:

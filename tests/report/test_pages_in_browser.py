@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "A table with more columns than a telephone has room for.",
     )
     part = Part("cells", "Cells", ["A line of text.", *pictures, folded(cells)])
-    page = Page("A study", ["None."], [part], "hands", about="of one")
+    page = Page("A study", [part], "hands", about="of one")
     (top / "sheet.html").write_text(html(page), encoding="utf-8")
     return top
 

@@ -128,7 +128,12 @@ def test_sums_by_method_and_the_page() -> None:
     }  # fmt: skip
     assert (sums["vb"]["overconfident"], sums["vb"]["conservative"]) == (1, 1)
     text = html(page(by_hand(), ["Command: `x`"], "hands", Pictures()))
-    for words in ("9.75 ▲", "0.050 ▽", "4.25"):
+    for words in (
+        "9.75 ▲",
+        "0.050 ▽",
+        "4.25",
+        "is overconfident in no cell; its velocity error is 4.25 m/s at most",
+    ):
         assert words in text
     assert text.count('<svg role="img"') == 1
 

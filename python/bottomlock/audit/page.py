@@ -18,7 +18,7 @@ from bottomlock.figures.palette import FAINT, INK, STYLE
 from bottomlock.figures.series import Curve, Figure, Panel, valid_panel
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
-from bottomlock.pages.page import Block, Looked, Page, Part, Picture, Pictures, Table, html
+from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, Viewer, html
 from bottomlock.pages.pieces import explained, findings_part, json_part, number
 from bottomlock.pages.plots import Plots
 
@@ -219,7 +219,7 @@ def page_of(
     if pictures and plots is not None:
         # In place of the curves what the reader can look into where scripts run.
         shown = [one for name, one in pictures.items() if name != "curves"]
-        shown.append(Looked(plots, [pictures["curves"]]))
+        shown.append(Viewer(plots, [pictures["curves"]]))
     estimates = list(_estimates(numbers))
     parts = [
         findings_part([finding.to_json() for finding in audit.findings]),
@@ -237,7 +237,7 @@ def page_of(
         ),
         json_part("numbers", "All numbers", "audit.json", numbers),
     ]
-    return Page("Audit of the DVL", [], parts, "bottomlock", about=_counts(audit))
+    return Page("Audit of the DVL", parts, "bottomlock", about=_counts(audit))
 
 
 def _counts(audit: Audit) -> str:

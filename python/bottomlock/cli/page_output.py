@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from bottomlock.cli.console import console, narrow_table
-from bottomlock.pages.page import Block, Folded, Part, Table, Terms, kind_of, plain_text
+from bottomlock.pages.page import Block, Detail, Part, Table, Terms, kind_of, plain_text
 
 COLOURS = {
     "fault": "red", "no": "red", "overconfident": "red",
@@ -33,7 +33,7 @@ def print_blocks(heading: str, blocks: Sequence[Block]) -> None:
         elif isinstance(block, Terms):
             for term, meaning in block.rows:
                 console.print(f"{plain_text(term)}: {plain_text(meaning)}")
-        elif isinstance(block, Folded):
+        elif isinstance(block, Detail):
             print_blocks(heading, block.blocks)
 
 

@@ -1,4 +1,4 @@
-"""A result laid out once, title, answer, and parts of text, figures and tables; and its writer to HTML.
+"""A result laid out once, title, conclusion, and parts of text, figures and tables; and its writer to HTML.
 
 Texts are Markdown: paragraphs, lists, `code`, **bold** and *emphasis*. A method in code is shown with its look where
 there are colours. Tables are of strings, in which `<br>` begins a line.
@@ -139,7 +139,7 @@ class Terms:
 
 
 @dataclass(frozen=True)
-class Folded:
+class Detail:
     """Blocks behind a summary on a page that can unfold.
 
     Attributes:
@@ -154,7 +154,7 @@ class Folded:
 
 
 @dataclass(frozen=True)
-class Looked:
+class Viewer:
     """Plots that a reader looks into where the page's script runs, and the figures that stand for them elsewhere.
 
     Attributes:
@@ -179,7 +179,7 @@ _HINT = (
 )
 
 
-Block = str | Picture | Table | Terms | Folded | Looked
+Block = str | Picture | Table | Terms | Detail | Viewer
 """A string is a paragraph, a list, a smaller heading or lines of code."""
 
 
@@ -204,19 +204,15 @@ class Page:
 
     Attributes:
         title: words.
-        answer: the conclusions, a sentence each.
         parts: what they rest on.
         made_with: names and versions.
-        intro: paragraphs after the answer.
         about: what it is of, below the title.
         headline: the one conclusion, in large letters below the title; its pieces may have colours.
     """
 
     title: str
-    answer: Sequence[str]
     parts: Sequence[Part]
     made_with: str
-    intro: Sequence[str] = ()
     about: str = ""
     headline: Sequence[str] = ()
 
@@ -224,20 +220,19 @@ class Page:
 def html(page: Page) -> str:
     """The page as HTML that needs no network.
 
-    >>> page = Page("A study", ["None in `tc`."], [Part("a", "Of what", ["Two *runs*."])], "bottomlock")
+    >>> page = Page("A study", [Part("a", "Of what", ["None in `tc`."])], "bottomlock")
     >>> text = html(page)
-    >>> "<h1>A study</h1>" in text, '<li>None in <span class="method"' in text, 'href="#a"' in text
+    >>> "<h1>A study</h1>" in text, '<p>None in <span class="method"' in text, 'href="#a"' in text
     (True, True, True)
     """
-    answer = [Part("answer", "Answer", [_numbered(page.answer), *page.intro])] if page.answer else []
     content = {
         "page": page,
-        "parts": [*answer, *page.parts],
+        "parts": page.parts,
         "text": _html,
         "line": _line,
         "kind": kind_of,
         "plain": plain_text,
-        "looked": any(isinstance(block, Looked) for part in page.parts for block in part.blocks),
+        "interactive": any(isinstance(block, Viewer) for part in page.parts for block in part.blocks),
     }
     return _render(content)
 
@@ -247,9 +242,9 @@ def kind_of(text: str) -> str:
     return getattr(text, "kind", text if text in VERDICTS else "")
 
 
-def folded(table: Table) -> Folded:
+def folded(table: Table) -> Detail:
     """A table behind the name of its first column."""
-    return Folded(f"{table.columns[0].replace('_', ' ')}: {len(table.rows)} rows", [table])
+    return Detail(f"{table.columns[0].replace('_', ' ')}: {len(table.rows)} rows", [table])
 
 
 def listed(lines: Sequence[str]) -> str:
@@ -264,10 +259,6 @@ def plain_text(marked: str) -> str:
     'tc: 0.2 † 0.1–0.4'
     """
     return re.sub(r"\*\*|`|\*", "", marked.replace("<br>", " "))
-
-
-def _numbered(lines: Sequence[str]) -> str:
-    return "\n".join(f"{place}. {line}" for place, line in enumerate(lines, start=1))
 
 
 def _code(tokens: Sequence[Token], place: int, *_: object) -> str:

@@ -11,13 +11,13 @@ import numpy as np
 from bottomlock.figures.palette import STROKES, stroke
 from bottomlock.pages.page import (
     Block,
-    Folded,
-    Looked,
+    Detail,
     Page,
     Part,
     Picture,
     Table,
     Terms,
+    Viewer,
     plain_text,
 )
 from bottomlock.support.notebook import html_table
@@ -94,9 +94,9 @@ def _texts(block: Block) -> Iterator[str]:
             yield from (block.caption, *block.columns, *(cell for row in block.rows for cell in row))
         case Terms():
             yield from (text for row in block.rows for text in row)
-        case Looked():
+        case Viewer():
             yield from (picture.caption for picture in block.still)
-        case Folded():
+        case Detail():
             yield block.summary
 
 
@@ -159,13 +159,13 @@ def glossaries(
     shown = list(first)
     others = [method for method in dict.fromkeys(methods) if method not in shown]
     summary = f"The other {len(others)} methods, in a line each: {', '.join(others)}"
-    return [glossary(shown, meanings), *([Folded(summary, [glossary(others, meanings)])] if others else [])]
+    return [glossary(shown, meanings), *([Detail(summary, [glossary(others, meanings)])] if others else [])]
 
 
 def json_part(id_: str, heading: str, name: str, content: Mapping[str, Any]) -> Part:
     """A JSON file behind its name, not on paper."""
     text = json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False)
-    return Part(id_, heading, [Folded(name, [f"```\n{text}\n```"], printed=False)])
+    return Part(id_, heading, [Detail(name, [f"```\n{text}\n```"], printed=False)])
 
 
 def interval(value: float, low: float, high: float) -> str:

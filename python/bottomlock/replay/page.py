@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 from matplotlib.figure import Figure
 
-from bottomlock.pages.page import Block, Coloured, Folded, Looked, Page, Part, Picture, Table, Terms, listed
+from bottomlock.pages.page import Block, Coloured, Detail, Page, Part, Picture, Table, Terms, Viewer, listed
 from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, number, title_of
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.findings.trust import NOTHING
@@ -98,7 +98,7 @@ def page_of(
         json_part("manifest", "Manifest", "manifest.json", manifest),
     ]
     return Page(
-        f"{title_of(manifest['case'])}, replayed", [], parts, f"bottomlock {manifest['version']}",
+        f"{title_of(manifest['case'])}, replayed", parts, f"bottomlock {manifest['version']}",
         about=_about(manifest), headline=headline(answer) if answer else (),
     )  # fmt: skip
 
@@ -165,7 +165,7 @@ def _dive(manifest: Mapping[str, Any], figures: Sequence[tuple[Drawing, Picture]
             "the DVL's velocity turned by the recorded attitude and summed up: what a filter has to beat",
         ),
     ]
-    return Part("dive", "The dive", [Looked(plots, still), Terms(terms)])
+    return Part("dive", "The dive", [Viewer(plots, still), Terms(terms)])
 
 
 TIMELINE, VALIDITY = "timeline", "validity"
@@ -222,7 +222,7 @@ def _case(
     ]
     folded = [picture for one, picture in of_case if one.folded]
     if folded:
-        blocks.append(Folded(f"The figures with all {len(manifest['methods'])} methods", folded))
+        blocks.append(Detail(f"The figures with all {len(manifest['methods'])} methods", folded))
     label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     return Part(what_if, f"{title_of(what_if)}{label}", blocks)
 
@@ -307,7 +307,7 @@ def _sensors(manifest: Mapping[str, Any]) -> Part:
         [Terms([("Beams in cells", manifest["water_cells"])])] if "water_cells" in manifest else []
     )
     folded = (
-        [Folded(f"The same of the other {len(methods) - 1} methods", [tables[1]])] if len(methods) > 1 else []
+        [Detail(f"The same of the other {len(methods) - 1} methods", [tables[1]])] if len(methods) > 1 else []
     )
     return Part("sensors", "Sensors", [*blocks, tables[0], *folded])
 

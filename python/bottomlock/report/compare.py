@@ -146,7 +146,7 @@ def _page(
             [Table(columns, settings, caption, left=len(columns)), _INTERVALS, *why],
         )
     )
-    return Page(f"{len(campaigns)} campaigns side by side", [], parts, "bottomlock", about=about)
+    return Page(f"{len(campaigns)} campaigns side by side", parts, "bottomlock", about=about)
 
 
 def _quantity_table(rows: pl.DataFrame, numbers: Mapping[str, str], title: str) -> Table:

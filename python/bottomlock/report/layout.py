@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.page import Block, Coloured, Folded, Page, Part, Table, Terms
+from bottomlock.pages.page import Block, Coloured, Detail, Page, Part, Table, Terms
 from bottomlock.pages.pieces import glossaries, interval, json_part, number, title_of
 from bottomlock.paper.claims import Claim, ImprovementClaim, ValueClaim
 from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
@@ -97,7 +97,7 @@ def page_of(content: Content) -> Page:
     version = f"bottomlock {campaign.manifest['version']}"
     return Page(
         _PAPER if content.claims.height else "Aided navigation with the beams that return",
-        [], parts, version,
+        parts, version,
         about=f"{runs}; {version}, configuration `{campaign.manifest['configuration_hash'][:12]}`",
         headline=_headline(content),
     )  # fmt: skip
@@ -155,7 +155,7 @@ def _summary(content: Content) -> Part:
         columns = ["Trajectory", "Method", "Why it is not recommended", "Velocity, m/s"]
         methods = ", ".join(dict.fromkeys(row[1] for row in rows))
         blocks.append(
-            Folded(
+            Detail(
                 f"Not recommended: {methods}",
                 [Table(columns, rows, "Velocity error at the end, RMS over runs.", left=3)],
             )
@@ -167,7 +167,7 @@ def _summary(content: Content) -> Part:
     meant = _RECOMMENDED.format(
         "; with any beams where those of the campaign change or were not flown there" if anywhere else ""
     )
-    blocks.append(Folded("What “recommended” means", [meant]))
+    blocks.append(Detail("What “recommended” means", [meant]))
     return Part("summary", "Which method to use", blocks)
 
 
@@ -219,8 +219,8 @@ def _trajectory(content: Content, name: str, *, first: bool) -> Part:
         *([_CALIBRATION] if first else []),
         "### Errors at the end",
         _final_table(content.campaign, name),
-        Folded(f"All {count} methods on {_words(name)}, and error over σ", [*every_method(content, name)]),
-        Folded("Consistency in numbers", [_consistency_table(content.campaign, name)]),
+        Detail(f"All {count} methods on {_words(name)}, and error over σ", [*every_method(content, name)]),
+        Detail("Consistency in numbers", [_consistency_table(content.campaign, name)]),
     ]
     return Part(f"on-{name}", title_of(name), blocks)
 
@@ -295,7 +295,7 @@ def _sweep(content: Content, sweep: pl.DataFrame) -> Part:
         columns = ["Value", "Trajectory", "Method", "Velocity, m/s", "Attitude, °", "NEES", "Rejected"]
         caption = "RMS over runs at the end; mean NEES of the whole state over runs and time."
         blocks.append(
-            Folded(f"{rows.height} rows in numbers", [Table(columns, cells, caption, left=3)], printed=False)
+            Detail(f"{rows.height} rows in numbers", [Table(columns, cells, caption, left=3)], printed=False)
         )
     return Part("sweep", "Sweep", blocks)
 
@@ -336,7 +336,7 @@ def _claims(content: Content) -> Part:
     claims, paper = content.claims, content.paper
     blocks: list[Block] = [
         f"Of {claims.height} claims {_verdicts(claims)}. {paper.source}. {_INTERVALS}",
-        Folded("When a claim counts as reproduced", [Terms(list(paper.rules.items())), _ORDERINGS]),
+        Detail("When a claim counts as reproduced", [Terms(list(paper.rules.items())), _ORDERINGS]),
     ]
     by_id: dict[str, Claim] = {claim.id: claim for claim in paper.claim}
     for (name,), rows in claims.group_by("trajectory", maintain_order=True):
@@ -348,7 +348,7 @@ def _claims(content: Content) -> Part:
             left=3,
             ids=rows["claim"].to_list(),
         )
-        blocks.append(Folded(f"{rows.height} claims on {trajectory}: {_verdicts(rows)}", [table]))
+        blocks.append(Detail(f"{rows.height} claims on {trajectory}: {_verdicts(rows)}", [table]))
     return Part("claims", "The paper's claims", blocks)
 
 
@@ -380,4 +380,4 @@ def _configuration(campaign: CampaignTables) -> Part:
         f"in the order {', '.join(map(_words, campaign.trajectories))}."
     )
     table = Table(["Setting", "Value"], rows, caption, left=2)
-    return Part("configuration", "Configuration", [Folded(f"{len(rows)} settings", [table], printed=False)])
+    return Part("configuration", "Configuration", [Detail(f"{len(rows)} settings", [table], printed=False)])

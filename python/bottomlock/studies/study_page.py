@@ -72,7 +72,6 @@ def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pict
     """
     return Page(
         "Methods by the beams that return",
-        [],
         [
             Part("methods", "Methods", [summary_table(table), _judged(table)]),
             Part(
@@ -83,8 +82,19 @@ def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pict
             Part("run", "What was run", [listed(run)]),
         ],
         made_with,
+        headline=[_headline(table)],
         about=f"{', '.join(table['trajectory'].unique(maintain_order=True))}; {table['runs'].to_numpy().max()} runs",
     )
+
+
+def _headline(table: pl.DataFrame) -> str:
+    """The method of least worst error among those that are overconfident in no cell and were flown in every one."""
+    rows = summary(table)
+    rows = rows.filter(cells=rows["cells"].max(), overconfident=0).sort("velocity_most_mps")
+    if rows.is_empty():
+        return "Every method that was flown with every set of beams is overconfident in some of them."
+    method, most = rows["method"][0], rows["velocity_most_mps"][0]
+    return f"`{method}` is overconfident in no cell; its velocity error is {plain(most)} m/s at most."
 
 
 def _judged(table: pl.DataFrame) -> str:
