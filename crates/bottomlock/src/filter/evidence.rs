@@ -249,6 +249,7 @@ impl Eskf {
         let with_further_noise = self.with_further_noise(innovation);
         let mut innovation = with_further_noise.as_deref().unwrap_or(innovation).clone();
         self.linearise(&mut innovation);
+        innovation.noise[(0, 0)] += self.left_out_variance(&innovation);
         let innovation = &innovation;
         let whole = self.whole_covariance(innovation);
         let limit = self.plausible.threshold(innovation.degrees);

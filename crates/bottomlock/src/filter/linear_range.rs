@@ -73,10 +73,7 @@ impl Eskf {
         let mut innovation = innovation.clone();
         let before = self.covariance[DOWN];
         self.linearise(&mut innovation);
-        if innovation.corrects == Corrects::Depth {
-            let since_s = self.since_depth_s();
-            self.covariance[DOWN] += self.vertical_product_variance() * since_s * since_s;
-        }
+        self.covariance[DOWN] += self.left_out_variance(&innovation);
         let outcome = self.fuse_rows(&innovation, sensor);
         if outcome.as_ref().is_ok_and(UpdateReport::was_used) {
             self.note_position(innovation.tangent_rows);
@@ -97,6 +94,15 @@ impl Eskf {
             TangentRows::Position => self.linearise_at_corrected_path(innovation),
             TangentRows::Depth if self.is_beyond_linear_range() => innovation.corrects = Corrects::Depth,
             TangentRows::Depth => {}
+        }
+    }
+
+    /// Variance of what the linear model leaves out of a depth since the last one, m²; zero within the linear range.
+    pub(super) fn left_out_variance(&self, innovation: &Innovation) -> f64 {
+        if innovation.corrects == Corrects::Depth {
+            self.vertical_product_variance() * self.since_depth_s().powi(2)
+        } else {
+            0.0
         }
     }
 

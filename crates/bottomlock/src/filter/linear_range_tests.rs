@@ -280,3 +280,20 @@ fn the_epoch_does_not_matter() {
     };
     assert_eq!(of(0), of(1_000_000_000_000));
 }
+
+/// By hand, 2.5 s after the last depth: tilts of 0.1 rad and velocities of 10 m/s leave out 2 (0.1 × 10 × 2.5)² m², σ 3.5 m beside the
+/// 2 m of P. A depth 12 m off is within three sigma of both and no evidence, as the gate takes it; one 40 m off is evidence.
+#[test]
+fn a_depth_is_evidence_as_its_gate_takes_it() {
+    for (off_m, is_evidence) in [(12.0, false), (40.0, true)] {
+        let mut filter = filter(0.1, 10.0);
+        filter.inflate_after_rejections = 1;
+        filter.state.time_ns = 2_500_000_000;
+        let down_m = filter.state().position_t_m.0.z + off_m;
+        let mut reading = filter.with_motion(|motion| depth(motion, down_m, 0.1, &Vec3::zeros()));
+        let charge = filter.note_rejected(&reading, Sensor::Depth, false).unwrap();
+        assert_eq!(charge.is_some(), is_evidence, "{off_m}");
+        filter.linearise(&mut reading);
+        assert!((filter.left_out_variance(&reading) / 12.5 - 1.0).abs() < 1e-9);
+    }
+}
