@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from bottomlock.plant import Mission, Vehicle, load_vehicle
+from bottomlock.plant import AnyVehicle, Mission, Vehicle, load_vehicle
 from bottomlock.plant.control import fin_mixing
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.maths import SCALAR, FloatArray
@@ -61,6 +62,24 @@ def coast(
         x[3:7] /= np.linalg.norm(x[3:7])
         track.append(x)
     return np.array(track)
+
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+STILL = np.zeros(3)
+
+
+def nu_dot(
+    vehicle: AnyVehicle,
+    nu: Sequence[float] | FloatArray,
+    actuators: Sequence[float] | FloatArray,
+    *,
+    quaternion: Sequence[float] | FloatArray = LEVEL,
+) -> FloatArray:
+    """The acceleration (6,) of a vehicle in still water."""
+    parts: Any = [
+        np.asarray(part, dtype=np.float64).tolist() for part in (quaternion, nu, actuators, STILL, STILL)
+    ]
+    return np.array(acceleration(vehicle, GRAVITY_MPS2, SCALAR)(*parts))
 
 
 def fins_of(

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import acceleration, fin_wrench, hull_wrench, myring_radius_m
+from bottomlock.plant.equations import fin_wrench, hull_wrench, myring_radius_m
 from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.trim import trim
-from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of
+from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of, nu_dot
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 2.0, 3.0])
@@ -18,9 +18,8 @@ def test_trim_is_an_equilibrium(tauv: Vehicle, speed_mps: float) -> None:
     steady = trim(tauv, speed_mps, GRAVITY_MPS2)
     u, v, w = steady.velocity_p_mps
     attitude = (math.cos(steady.pitch_rad / 2), 0.0, math.sin(steady.pitch_rad / 2), 0.0)
-    rates = acceleration(tauv, GRAVITY_MPS2, SCALAR)(
-        attitude, (u, v, w, 0.0, 0.0, 0.0), (*steady.fins_rad, steady.shaft_rps), (0.0,) * 3, (0.0,) * 3
-    )
+    motion, actuators = (u, v, w, 0.0, 0.0, 0.0), (*steady.fins_rad, steady.shaft_rps)
+    rates = nu_dot(tauv, motion, actuators, quaternion=attitude)
     assert np.abs(rates).max() < 1e-9
     start = [0.0, 0.0, 20.0, *attitude, u, v, w, 0.0, 0.0, 0.0]
     track = coast(tauv, start, fins_rad=steady.fins_rad, shaft_rps=steady.shaft_rps, duration_s=60.0)

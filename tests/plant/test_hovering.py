@@ -28,17 +28,16 @@ from bottomlock.plant import (
     telemetry,
 )
 from bottomlock.plant.control import Motion, Wanted, thruster_steering
-from bottomlock.plant.equations import acceleration, added_mass_matrix, rigid_body_mass_matrix
+from bottomlock.plant.equations import added_mass_matrix, rigid_body_mass_matrix
 from bottomlock.plant.flight import euler_rad
 from bottomlock.plant.hovering_vehicle import parse_vehicle
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.plant.trim import check_stability, start_state
-from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD, finned
+from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD, finned, nu_dot
 from tests.plant.matrices import added_mass_coriolis_matrix, restoring_vector, rigid_body_coriolis_matrix
 
 HEADING_RAD = math.radians(30.0)
 ACROSS = Current.towards(0.15, math.pi / 2)
-STILL = (0.0, 0.0, 0.0)
 
 
 def rov() -> HoveringVehicle:
@@ -84,11 +83,7 @@ def test_terminal_speeds_by_hand() -> None:
     """20 N ahead: 13.7 u + 141 u² = 20 at u = 0.3312; 217 v² = 20 at v = 0.3036: nothing is left to accelerate."""
     for axis, speed in ((0, 0.33116), (1, 0.30359)):
         push = np.linalg.pinv(ROV.thrusters.wrenches())[:, axis] * 20.0
-        nu: Any = tuple(speed if k == axis else 0.0 for k in range(6))
-        nu_dot = acceleration(ROV, GRAVITY_MPS2, SCALAR)(
-            (1.0, 0.0, 0.0, 0.0), nu, push.tolist(), STILL, STILL
-        )
-        assert abs(nu_dot[axis]) < 1e-3
+        assert abs(nu_dot(ROV, speed * np.eye(6)[axis], push.tolist())[axis]) < 1e-3
 
 
 @given(quaternions, velocities, thrusts)
@@ -107,9 +102,7 @@ def test_components_equal_the_vectorial_form(
         - restoring_vector(ROV, quaternion, GRAVITY_MPS2)
     )
     mass = rigid_body_mass_matrix(ROV) + added_mass_matrix(ROV)
-    found: Any = acceleration(ROV, GRAVITY_MPS2, SCALAR)(
-        tuple(quaternion.tolist()), tuple(nu.tolist()), thrust.tolist(), STILL, STILL
-    )
+    found = nu_dot(ROV, nu, thrust, quaternion=quaternion)
     assert np.allclose(found, np.linalg.solve(mass, tau), rtol=1e-9, atol=1e-7)
     # without thrust and weight only drag works, and it takes energy
     assert nu @ drag @ nu >= 0.0

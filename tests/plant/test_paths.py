@@ -108,3 +108,8 @@ def test_depth_profiles_are_smooth_and_meet_their_rates() -> None:
     assert sink[20000] == pytest.approx(0.3)
     assert (depth[0], depth[-1]) == pytest.approx((20.0, 29.0))
     assert np.abs(np.diff(sink)).max() < 2e-4
+
+
+def test_depth_profiles_that_do_not_rise_in_time_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="strictly rising"):
+        DepthProfile(((5.0, 20.0), (5.0, 29.0)))

@@ -1,7 +1,5 @@
 """Laws the equations of motion must keep, at any state."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +8,6 @@ from hypothesis.extra import numpy as hnp
 
 from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import (
-    acceleration,
     added_mass_matrix,
     fin_wrench,
     lift_and_drag,
@@ -21,7 +18,7 @@ from bottomlock.plant.equations import (
     to_tangent,
 )
 from bottomlock.plant.maths import SCALAR, FloatArray
-from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned
+from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned, nu_dot
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,
     hull_damping_matrix,
@@ -37,20 +34,6 @@ quaternions = hnp.arrays(np.float64, 4, elements=st.floats(-1.0, 1.0, width=32))
     lambda q: float(np.linalg.norm(q)) > 0.1
 )
 names = st.sampled_from(sorted(VEHICLES))
-
-
-def _nu_dot(
-    vehicle: Vehicle,
-    quaternion: FloatArray,
-    nu: FloatArray,
-    fins: FloatArray,
-    shaft: float,
-    water: FloatArray,
-) -> FloatArray:
-    function: Callable[..., tuple[float, ...]] = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
-    parts = (tuple(part.tolist()) for part in (quaternion, nu, fins))
-    attitude, motion, deflections = parts
-    return np.array(function(attitude, motion, (*deflections, shaft), tuple(water.tolist()), (0.0,) * 3))
 
 
 @pytest.mark.parametrize("name", sorted(VEHICLES))
@@ -73,7 +56,7 @@ def test_components_equal_the_vectorial_form(
     tau -= (rigid_body_coriolis_matrix(vehicle, nu) + added_mass_coriolis_matrix(vehicle, nu)) @ nu
     tau -= restoring_vector(vehicle, quaternion, GRAVITY_MPS2)
     expected = np.linalg.solve(rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle), tau)
-    found = _nu_dot(vehicle, quaternion, nu, fins, shaft, np.zeros(3))
+    found = nu_dot(vehicle, nu, [*fins, shaft], quaternion=quaternion)
     assert np.allclose(found, expected, rtol=1e-9, atol=1e-8 * max(1.0, float(np.abs(expected).max())))
 
 
@@ -83,7 +66,7 @@ def test_energy_never_grows_without_thrust(
 ) -> None:
     """Kinetic energy of body and water plus weight and buoyancy: its rate is drag's power."""
     vehicle, quaternion = VEHICLES[name], quaternion / np.linalg.norm(quaternion)
-    rate = _nu_dot(vehicle, quaternion, nu, fins, 0.0, np.zeros(3))
+    rate = nu_dot(vehicle, nu, [*fins, 0.0], quaternion=quaternion)
     mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)
     power = float(nu @ mass @ rate) + float(nu @ restoring_vector(vehicle, quaternion, GRAVITY_MPS2))
     assert power <= 1e-8 * max(1.0, float(np.abs(nu).max()) ** 3) * 1e3

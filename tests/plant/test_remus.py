@@ -13,16 +13,15 @@ from scipy.integrate import solve_ivp
 
 from bottomlock.plant import Vehicle
 from bottomlock.plant.equations import (
-    acceleration,
     added_mass_matrix,
     propeller_wrench,
     rigid_body_mass_matrix,
 )
 from bottomlock.plant.flight import euler_rad
-from bottomlock.plant.maths import SCALAR, FloatArray
+from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.trim import trim
 from tests.oracle import mss_remus
-from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of
+from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of, nu_dot
 
 # Prestero 2001, Tables B.1 and B.2. Y_vv is the derived one of Table 4.2; FITTED_YVV is that of Table B.1, ten times as
 # great (Table 8.2). X_uu is replaced by the drag of the vehicle with side-scan sonar (Table 5.3) so that both models
@@ -75,14 +74,10 @@ def test_published_combined_coefficients(remus: Vehicle) -> None:
     """
     speed, step = 1.54, 1e-5
     mass = rigid_body_mass_matrix(remus) + added_mass_matrix(remus)
-    level = (1.0, 0.0, 0.0, 0.0)
 
     def wrench(v: float, r: float, rudder: float) -> FloatArray:
-        fins = tuple(fins_of(remus, yaw_rad=rudder).tolist())
-        nu = (speed, v, 0.0, 0.0, 0.0, r)
-        motion = acceleration(remus, GRAVITY_MPS2, SCALAR)(level, nu, (*fins, 0.0), (0.0,) * 3, (0.0,) * 3)
-        forces: FloatArray = mass @ np.array(motion)
-        return forces
+        fins = fins_of(remus, yaw_rad=rudder)
+        return np.asarray(mass @ nu_dot(remus, (speed, v, 0.0, 0.0, 0.0, r), [*fins, 0.0]))
 
     by_sway = (wrench(step, 0.0, 0.0) - wrench(-step, 0.0, 0.0)) / (2 * step * speed)
     by_turn = (wrench(0.0, step, 0.0) - wrench(0.0, -step, 0.0)) / (2 * step * speed)

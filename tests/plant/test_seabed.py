@@ -118,3 +118,8 @@ def test_bad_grids_are_named(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "bad.toml").write_text(text)
     with pytest.raises(ScenarioError, match=words):
         load_grid(tmp_path / "bad.toml")
+
+
+def test_a_plane_above_the_vehicle_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="positive depth"):
+        PlaneSeabed(-5.0)

@@ -19,7 +19,7 @@ def flight_panels(telemetry: pl.DataFrame, beams: pl.DataFrame) -> list[Panel]:
     """What a vehicle did, and which beams returned.
 
     Args:
-        telemetry: the columns of `bottomlock.plant.telemetry`, SI and rad.
+        telemetry: the columns of `plant.telemetry`, SI and rad.
         beams: `time_ns`, a boolean column `beam1_valid` and so on, and over a seabed `beam1_range_m` and so on.
     """
 

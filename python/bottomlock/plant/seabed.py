@@ -200,7 +200,7 @@ def seabed_from_table(read: AnySeabed) -> Seabed:
 
 @dataclass(frozen=True)
 class Footprints:
-    """Where beams meet the bottom: range (E, B), m, and angle of incidence (E, B), rad; NaN without a bottom."""
+    """Where beams meet the bottom: range (..., B), m, and angle of incidence (..., B), rad; NaN without a bottom."""
 
     range_m: FloatArray
     incidence_rad: FloatArray
@@ -217,15 +217,13 @@ def footprints(
 
     Args:
         seabed: the bottom.
-        position_t_m, attitude_t_p: (E, 3) and (E, 4) at the pings.
+        position_t_m, attitude_t_p: (..., 3) and (..., 4) at the pings.
         directions_p, lever_arms_p_m: (B, 3) in the platform frame; lever arms are zero by default.
     """
     directions = np.asarray(directions_p, dtype=np.float64)
-    arms = (
-        np.zeros_like(directions) if lever_arms_p_m is None else np.asarray(lever_arms_p_m, dtype=np.float64)
-    )
+    arms = np.zeros_like(directions) if lever_arms_p_m is None else np.asarray(lever_arms_p_m)
     rotation = rotation_t_p(attitude_t_p)
-    rays = np.einsum("eij,bj->ebi", rotation, directions)
-    origins = np.asarray(position_t_m)[:, None, :] + np.einsum("eij,bj->ebi", rotation, arms)
+    rays = np.einsum("...ij,bj->...bi", rotation, directions)
+    origins = np.asarray(position_t_m)[..., None, :] + np.einsum("...ij,bj->...bi", rotation, arms)
     reach, cosine = seabed.intersect(origins, rays)
     return Footprints(reach, np.arccos(np.clip(cosine, -1.0, 1.0)))

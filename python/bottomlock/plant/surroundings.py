@@ -92,20 +92,20 @@ def world_magnetic_model(
 def magnetic_heading_error_rad(
     field: MagneticField, compass: Magnetometer, attitude_t_p: FloatArray
 ) -> FloatArray:
-    """Heading of a levelled magnetometer minus the true heading, rad, at attitudes (N, 4) -> (N,).
+    """Heading of a levelled magnetometer minus the true heading, rad, at attitudes (..., 4) -> (...).
 
     The field in the platform frame is distorted by soft and hard iron and levelled with the true roll and pitch; its
     horizontal component is taken as magnetic north, and the assumed declination is added.
     """
     rotation = rotation_t_p(attitude_t_p)
     soft, hard = np.array(compass.soft_iron), np.array(compass.hard_iron_nt)
-    field_p = np.einsum("nji,j->ni", rotation, field.vector_t_nt)
+    field_p = np.einsum("...ji,j->...i", rotation, field.vector_t_nt)
     measured_p = field_p @ soft.T + hard
-    measured_t = np.einsum("nij,nj->ni", rotation, measured_p)
+    measured_t = np.einsum("...ij,...j->...i", rotation, measured_p)
     # in the tangent frame an undisturbed field points to the declination; the difference is heading error
     assumed_deg = compass.assumed_declination_deg
     assumed_rad = field.declination_rad if assumed_deg is None else units.rad_from_deg(assumed_deg)
-    deviation = np.arctan2(measured_t[:, 1], measured_t[:, 0]) - assumed_rad
+    deviation = np.arctan2(measured_t[..., 1], measured_t[..., 0]) - assumed_rad
     return np.asarray(-(deviation - 2.0 * np.pi * np.round(deviation / (2.0 * np.pi))))
 
 

@@ -10,6 +10,7 @@ from bottomlock.config.scenario_sections import AltitudeLoss, Dropout
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import combine, markov_valid, replayed, returning, scheduled
+from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation
@@ -128,8 +129,7 @@ class MeasurementSchedule:
         if self._simulation.scenario.environment.earth == "ellipsoid":
             rotation = kernel.local_earth(self._environment, position_t_m.reshape(-1, 3))["rotation_t_n"]
             flat = np.einsum("nij,nj->ni", rotation, flat)
-        w, x, y, z = np.moveaxis(attitude / np.linalg.norm(attitude, axis=-1, keepdims=True), -1, 0)
-        ahead = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)], axis=-1)
+        ahead = rotation_t_p(attitude / np.linalg.norm(attitude, axis=-1, keepdims=True))[..., 0]
         return np.asarray(np.einsum("...i,...i->...", ahead, flat.reshape(ahead.shape)))
 
     def _water(self, time_ns: Times, current: Floats, beam_valid: NDArray[np.bool_]) -> dict[str, Any]:
@@ -185,21 +185,18 @@ class MeasurementSchedule:
         position = _between(time_ns, position_t_m, epochs)
         attitude = _between(time_ns, attitude_t_p, epochs)
         attitude /= np.linalg.norm(attitude, axis=-1, keepdims=True)
-        flat = footprints(
+        return footprints(
             seabed,
-            position.reshape(-1, 3),
-            attitude.reshape(-1, 4),
+            position,
+            attitude,
             np.asarray(geometry.directions_p),
             np.asarray(geometry.lever_arms_p_m),
         )
-        shape = (*position.shape[:2], geometry.beams)
-        return Footprints(flat.range_m.reshape(shape), flat.incidence_rad.reshape(shape))
 
     def _heading_error_rad(self, attitude: Floats) -> Floats:
         compass, field = self._simulation.scenario.magnetometer, self._simulation.field
         assert field is not None
-        error = magnetic_heading_error_rad(field, compass, attitude.reshape(-1, 4))
-        return error.reshape(attitude.shape[:2])
+        return magnetic_heading_error_rad(field, compass, attitude)
 
 
 def measurement_schedule(
