@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, bad_column
 from bottomlock.io.beams import (
@@ -23,7 +23,7 @@ from bottomlock.io.beams import (
 )
 from bottomlock.io.columns import check_valid, column_numbers, read_flags, read_rows
 from bottomlock.recordings.axes import from_angles
-from bottomlock.recordings.streams import Depths, Inertial
+from bottomlock.recordings.streams import Attitudes, Depths, Inertial
 from bottomlock.support.rising import rising
 
 AXES = ("x", "y", "z")
@@ -212,8 +212,7 @@ class Reference:
 
     def at(self, time_ns: NDArray[np.int64]) -> Rotation:
         """(n,) attitudes at times within, by shortest arcs."""
-        between = Slerp((self.time_ns - self.time_ns[0]) * 1e-9, self.attitude)
-        return between((time_ns - self.time_ns[0]) * 1e-9)
+        return Attitudes(self.time_ns, self.attitude).at(time_ns)
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:

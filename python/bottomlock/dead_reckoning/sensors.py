@@ -22,7 +22,6 @@ from bottomlock.dead_reckoning.track import (
     StructureFunction,
     Velocities,
     VelocityErrors,
-    attitude_between,
     dead_reckon,
 )
 from bottomlock.kernel import STATUS, BeamGeometry, solve_velocity
@@ -125,7 +124,7 @@ def attitudes_of(sensors: Sensors, start: InitialState, model: Model, velocities
     if reference is not None and len(reference.time_ns):
         latest = np.searchsorted(reference.time_ns, time_ns, side="right") - 1
         known = latest >= 0
-        then = attitude_between(Attitudes(time_ns, own))(reference.time_ns)
+        then = Attitudes(time_ns, own).at(reference.time_ns)
         since = then[latest[known]].inv() * own[known]
         attitude = Rotation.concatenate([own[~known], reference.attitude[latest[known]] * since])
     if len(sensors.heading_ns):

@@ -25,12 +25,12 @@ v(t + s) − v(t) over s from 0 to h has the variance
 from E(v_s − v_0)(v_r − v_0) = (D(s) + D(r) − D(|s − r|))/2.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Times
 
@@ -201,9 +201,6 @@ def attitude_cov(grid_ns: Times, moved_t_m: Floats, errors: AttitudeErrors, read
     return np.stack([np.interp(seconds, even, flat[:, k]) for k in range(9)], axis=1).reshape(-1, 3, 3)
 
 
-AttitudeAt = Callable[[Times], Rotation]
-
-
 @dataclass(frozen=True, eq=False)
 class Velocities:
     """Whole velocities of the DVL in platform axes: times (p,), values (p, 3), covariances of their noise (p, 3, 3)."""
@@ -279,12 +276,11 @@ def dead_reckon(
     turned = attitudes.time_ns[(attitudes.time_ns > begin.time_ns) & (attitudes.time_ns < last_ns)]
     pinged = (velocities.time_ns >= begin.time_ns) & (velocities.time_ns <= last_ns)
     grid_ns = np.unique(np.concatenate([[begin.time_ns], turned, velocities.time_ns[pinged], sample_ns]))
-    attitude_at = attitude_between(attitudes)
-    started = attitude_at(np.array([begin.time_ns]))
-    values, cov, since_ns = _held(velocities, begin, attitude_at, lever, pinged)
+    started = attitudes.at(np.array([begin.time_ns]))
+    values, cov, since_ns = _held(velocities, begin, attitudes, lever, pinged)
 
     step_s = np.diff(grid_ns) * 1e-9
-    middle = attitude_at((grid_ns[:-1] + grid_ns[1:]) // 2)
+    middle = attitudes.at((grid_ns[:-1] + grid_ns[1:]) // 2)
     ping = np.searchsorted(since_ns, grid_ns[:-1], side="right") - 1
     moved_t_m = summed(middle.apply(values[ping]) * step_s[:, None])
     P = held_cov(grid_ns, middle.as_matrix(), cov, since_ns, ping, velocity_errors)
@@ -293,7 +289,7 @@ def dead_reckon(
     P += np.diag(np.square(begin.position_sd_m))
 
     rows = np.searchsorted(grid_ns, sample_ns)
-    attitude = attitude_at(sample_ns)
+    attitude = attitudes.at(sample_ns)
     position = begin.position_t_m + moved_t_m[rows] + started.apply(lever) - attitude.apply(lever)
     position_cov = P[rows]
     if depth is not None:
@@ -301,7 +297,7 @@ def dead_reckon(
     latest = np.searchsorted(since_ns, sample_ns, side="right") - 1
     held_s = np.asarray((sample_ns - since_ns[latest]) * 1e-9, dtype=np.float64)
     velocity_cov = np.asarray(cov[latest] + velocity_errors.of_velocity(values[latest], held_s))
-    rate = _rate(attitude_at, attitudes, sample_ns) if omega_p_radps is None else omega_p_radps
+    rate = _rate(attitudes, sample_ns) if omega_p_radps is None else omega_p_radps
     return Reckoned(
         position_t_m=position,
         position_cov_m2=position_cov,
@@ -312,22 +308,11 @@ def dead_reckon(
     )
 
 
-def attitude_between(attitudes: Attitudes) -> AttitudeAt:
-    """Attitude at any times (n,), on the shortest way between two readings; the first and the last hold beyond them."""
-    first_ns, last_ns = int(attitudes.time_ns[0]), int(attitudes.time_ns[-1])
-    slerp = Slerp((attitudes.time_ns - first_ns) * 1e-9, attitudes.attitude)
-
-    def at(time_ns: Times) -> Rotation:
-        return slerp((np.clip(time_ns, first_ns, last_ns) - first_ns) * 1e-9)
-
-    return at
-
-
 def _held(
-    velocities: Velocities, begin: Begin, attitude_at: AttitudeAt, lever: Floats, pinged: Flags
+    velocities: Velocities, begin: Begin, attitudes: Attitudes, lever: Floats, pinged: Flags
 ) -> tuple[Floats, Floats, Times]:
     """Velocities of the DVL's place, their covariances, and since when each is held; the start's is the first."""
-    ends = attitude_at(np.array([begin.time_ns, begin.time_ns + RATE_NS]))
+    ends = attitudes.at(np.array([begin.time_ns, begin.time_ns + RATE_NS]))
     omega = (ends[0].inv() * ends[1]).as_rotvec() / (RATE_NS * 1e-9)
     first = begin.velocity_p_mps + np.cross(omega, lever)
     values = np.concatenate([first[None], velocities.velocity_p_mps[pinged]])
@@ -343,10 +328,10 @@ RATE_NS = 200_000_000
 """Time over which the angular rate is taken from the attitude, where a lever arm needs it."""
 
 
-def _rate(attitude_at: AttitudeAt, attitudes: Attitudes, time_ns: Times) -> Floats:
+def _rate(attitudes: Attitudes, time_ns: Times) -> Floats:
     """(T, 3) angular rate against the tangent frame, platform axes, rad/s, from the attitude around each time."""
     half_ns = max(RATE_NS // 2, int(np.median(np.diff(attitudes.time_ns))))
-    before, after = attitude_at(time_ns - half_ns), attitude_at(time_ns + half_ns)
+    before, after = attitudes.at(time_ns - half_ns), attitudes.at(time_ns + half_ns)
     return np.asarray((before.inv() * after).as_rotvec() / (2e-9 * half_ns))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bottomlock.kernel import EARTH_RATE_RADPS
-from bottomlock.recordings.streams import Floats, Times
+from bottomlock.recordings.streams import Attitudes, Floats, Times
 from bottomlock.support.later import transform
 
 if TYPE_CHECKING:
@@ -53,9 +53,7 @@ def divided(
     share = (np.arange(parts.sum()) - begun[first]) / parts[first]
     inner = time_ns[first] + np.round(share * step_ns[first]).astype(np.int64)
     times = np.concatenate([inner, time_ns[-1:]])
-    # Seconds from the first: whole nanoseconds of a Unix time do not fit a float.
-    own_s, all_s = (time_ns - time_ns[0]) * 1e-9, (times - time_ns[0]) * 1e-9
-    return times, transform.Slerp(own_s, attitude)(all_s)
+    return times, Attitudes(time_ns, attitude).at(times)
 
 
 def inertial_readings(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bottomlock.support.later import transform
+
 if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+    from scipy.spatial.transform import Rotation, Slerp
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -44,6 +47,16 @@ class Attitudes:
     def kept(self, rows: Flags) -> Attitudes:
         """Those of the rows (n,)."""
         return Attitudes(self.time_ns[rows], self.attitude[rows])
+
+    def at(self, time_ns: Times) -> Rotation:
+        """At any times (m,), on the shortest way between two of them; the first and the last hold beyond them."""
+        first_ns, last_ns = int(self.time_ns[0]), int(self.time_ns[-1])
+        return self._between((np.clip(time_ns, first_ns, last_ns) - first_ns) * 1e-9)
+
+    @cached_property
+    def _between(self) -> Slerp:
+        # Seconds from the first: whole nanoseconds of a Unix time do not fit a float.
+        return transform.Slerp((self.time_ns - self.time_ns[0]) * 1e-9, self.attitude)
 
 
 @dataclass(frozen=True, eq=False)

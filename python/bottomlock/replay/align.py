@@ -6,7 +6,6 @@ from typing import TypeVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.track import attitude_between
 from bottomlock.errors import DataError
 from bottomlock.kernel import EARTH_RATE_RADPS, solve_velocity
 from bottomlock.kernel.models import Environment, ImuModel
@@ -248,7 +247,7 @@ def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
     recorded = _given(inputs.streams.attitudes)
     if isinstance(inputs.case.imu, ImuFromAttitude):
         # The readings turn from the attitude of this very time.
-        now = attitude_between(recorded)(np.array([inputs.start_ns]))
+        now = recorded.at(np.array([inputs.start_ns]))
         return to_angles(now)[0], "from the recorded attitude"
     row = _latest(recorded.time_ns, inputs, "attitude", 1.0)
     age = (inputs.start_ns - int(recorded.time_ns[row])) * 1e-9

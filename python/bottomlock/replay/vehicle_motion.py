@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from bottomlock.dead_reckoning.track import attitude_between, structure_function
+from bottomlock.dead_reckoning.track import structure_function
 from bottomlock.errors import DataError
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment
@@ -139,7 +139,7 @@ def with_persistence(case: Case, streams: Streams, valid: Flags) -> Inertial:
         return inertial
     assert streams.attitudes is not None  # validated in Case
     velocity = held(inertial.time_ns, *complete_pings(streams, replace(streams.beams, valid=valid)))
-    attitude = attitude_between(streams.attitudes)(inertial.time_ns)
+    attitude = streams.attitudes.at(inertial.time_ns)
     omega, force = inertial_readings(inertial.time_ns, attitude, velocity, latitude_rad=streams.latitude_rad)
     return Inertial(inertial.time_ns, force, omega)
 

@@ -7,11 +7,11 @@ two readings (aliasing) and the error of the attitude itself, so the noise found
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.rig_motion import LENGTH_S, integrate
 from bottomlock.recordings.robust import sd_about_median
-from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers, integrals
+from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial, Integers, integrals
 
 SLOPE_S = 1.0
 """Increments over which the slope is taken: longer than jitter of the stamps, shorter than a wander of the offset."""
@@ -74,10 +74,7 @@ def attitude_at(
     known &= np.diff(time_ns)[before] <= longest_step_s * 1e9
     if known.sum() < 4:
         return None
-    origin = int(time_ns[0])
-    slerp = Slerp((time_ns - origin) * 1e-9, attitude)
-    clipped = np.clip(at_ns, time_ns[0], time_ns[-1])
-    return slerp((clipped - origin) * 1e-9), known
+    return Attitudes(time_ns, attitude).at(at_ns), known
 
 
 @dataclass(frozen=True, eq=False)
