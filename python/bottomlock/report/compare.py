@@ -122,7 +122,7 @@ def _page(
     parts = []
     for (trajectory,), rows in table.group_by("trajectory", maintain_order=True):
         tables = [
-            _quantity_table(part, numbers, f"{str(quantity).capitalize()}, {unit}")
+            _quantity_table(part, numbers, _with_unit(str(quantity), str(unit)))
             for (quantity, unit), part in rows.group_by("quantity", "unit", maintain_order=True)
         ]
         parts.append(Part(str(trajectory), title_of(str(trajectory)), tables))
@@ -147,6 +147,11 @@ def _page(
         )
     )
     return Page(f"{len(campaigns)} campaigns side by side", parts, "bottomlock", about=about)
+
+
+def _with_unit(quantity: str, unit: str) -> str:
+    """A title: "NEES", "Velocity at the end, m/s"."""
+    return quantity[:1].upper() + quantity[1:] + (f", {unit}" if unit != "1" else "")
 
 
 def _quantity_table(rows: pl.DataFrame, numbers: Mapping[str, str], title: str) -> Table:

@@ -8,7 +8,7 @@ from bottomlock.figures.campaign import WIDE, places_of
 from bottomlock.figures.series import Figure
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, folded, listed
-from bottomlock.pages.pieces import featured, plain
+from bottomlock.pages.pieces import featured, plain, title_of
 from bottomlock.statistics.chi_squared import (
     CONSERVATIVE,
     CONSISTENT,
@@ -70,6 +70,7 @@ def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pict
         made_with: names and versions.
         pictures: to which its figures are added.
     """
+    names = table["trajectory"].unique(maintain_order=True)
     return Page(
         "Methods by the beams that return",
         [
@@ -83,7 +84,7 @@ def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pict
         ],
         made_with,
         headline=[_headline(table)],
-        about=f"{', '.join(table['trajectory'].unique(maintain_order=True))}; {table['runs'].to_numpy().max()} runs",
+        about=f"{', '.join(names)}; {table['runs'].to_numpy().max()} runs".replace("_", " "),
     )
 
 
@@ -127,8 +128,8 @@ def _tables(table: pl.DataFrame) -> Iterator[Block]:
 def _pictures(table: pl.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     """Some methods on each trajectory; the tables have all."""
     for (trajectory,), rows in _place(table).group_by("trajectory", maintain_order=True):
-        heading = str(trajectory).replace("_", " ").capitalize()
-        caption = f"{heading}: velocity error at the end by what returns, RMS over runs; bars: 95 % interval."
+        error = "velocity error at the end by what returns, RMS over runs; bars: 95 % interval"
+        caption = f"{title_of(str(trajectory))}: {error}."
         yield pictures.add(figure(rows), f"study_{trajectory}", caption, kind="")
 
 
@@ -136,4 +137,5 @@ def figure(rows: pl.DataFrame) -> Figure:
     """Velocity error of some methods in every place of a trajectory, with 95 % intervals."""
     methods = featured(rows["method"].unique(maintain_order=True).to_list(), [RECOMMENDED_METHOD])
     named = rows.with_columns(pl.col("place").replace(AS_CONFIGURED, "configured"))
-    return Figure("", [places_of(named, methods, "velocity error, m/s RMS")], size_in=WIDE)
+    title = f"{rows['trajectory'][0]}: velocity error, m/s RMS".replace("_", " ")
+    return Figure("", [places_of(named, methods, title)], size_in=WIDE)
