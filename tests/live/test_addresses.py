@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from bottomlock.live.loop import cancel
-from bottomlock.live.transports import open_sink, open_source
-from bottomlock.ports.address import sink_address, source_address
+from bottomlock.live.transports import open_source
+from bottomlock.ports.address import source_address
 from tests.live.world import World
 
 DATA = b"".join(data for _, _, data in World(1.0).arrivals())
@@ -102,20 +102,3 @@ def test_stdin_and_stdout(tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert len(lines) >= 1
     assert all(line.startswith(b"$PBLK") for line in lines)
-
-
-def test_a_file_as_target(tmp_path: Path) -> None:
-    """Bytes are appended, and there at once."""
-    path = tmp_path / "out"
-    path.write_bytes(b"before\n")
-
-    async def run() -> bytes:
-        sink = open_sink(sink_address(f"file:{path}"), lambda _: None)
-        task = asyncio.create_task(sink.run())
-        await asyncio.sleep(0)
-        sink.write(DATA)
-        found = path.read_bytes()
-        await cancel(task)
-        return found
-
-    assert asyncio.run(run()) == b"before\n" + DATA

@@ -62,8 +62,9 @@ def test_of_an_export_every_file_is_whole_or_not_there(tmp_path: Path) -> None:
 
 
 def test_a_file_as_target_holds_whole_messages_and_ends(tmp_path: Path) -> None:
-    """What finds no room is dropped and said once; what finds room again follows the last whole message."""
+    """They are appended, and there at once. What finds no room is dropped and said once; later ones follow whole."""
     path = tmp_path / "out"
+    path.write_bytes(b"before\n")
     said: list[str] = []
     messages = [b"%04d" % k * 25 for k in range(6)]
 
@@ -71,18 +72,19 @@ def test_a_file_as_target_holds_whole_messages_and_ends(tmp_path: Path) -> None:
         sink = open_sink(sink_address(f"file:{path}"), said.append)
         task = asyncio.create_task(sink.run())
         await asyncio.sleep(0)
-        with room_for(250):
+        with room_for(257):
             assert [sink.write(data) for data in messages[:5]] == [True, True, False, False, False]
             assert sink.state == f"cannot be written: {FULL}"
+            assert path.read_bytes() == b"".join([b"before\n", *messages[:2]])
         assert sink.write(messages[5])
         assert (sink.written[0], sink.dropped[0], sink.state) == (3, 3, "writing")
-        with room_for(350):
+        with room_for(357):
             sink.write(messages[0])
             async with asyncio.timeout(5.0):
                 await cancel(task)
 
     asyncio.run(run())
-    assert path.read_bytes() == b"".join([*messages[:2], messages[5]])
+    assert path.read_bytes() == b"".join([b"before\n", *messages[:2], messages[5]])
     assert said == [f"cannot be written: {FULL}"]
 
 
