@@ -185,12 +185,31 @@ def test_a_record_within_a_record_is_its_data() -> None:
     assert RECORDS.of(damaged).start.tolist() == [10, len(inner) + 10]
 
 
+def summed(data: bytes) -> bytes:
+    """With the 16-bit sum of its bytes."""
+    return data + (sum(data) & 0xFFFF).to_bytes(2, "little")
+
+
+def test_what_a_record_states_ends_with_it() -> None:
+    """An offset beyond an ensemble, a header that is cut off, a content without its fields: none reads what follows."""
+    body = bytearray(seeds.pd0_ensemble(1)[:-2])
+    body[10:12] = (len(body) + 6 + 2 * 3 + 59 + 65).to_bytes(2, "little")
+    recording = pd0.FORMAT.read(summed(bytes(body)) + seeds.pd0_ensemble(2), "log")
+    assert (recording.table.rows, recording.account.lost) == (1, 1)
+    assert not len(RECORDS.of(b"\xa5\x0c" + bytes(9)).start)
+    whole = seeds.wayfinder()
+    content = summed(whole[9:40])
+    short = summed(whole[:3] + (len(content) + 11).to_bytes(2, "little") + whole[5:9] + content)
+    recording = wayfinder.FORMAT.read(short + whole, "log")
+    assert recording.account.skipped["data of another layout"].count == recording.table.rows == 1
+
+
 def test_pd0_of_the_other_leaders() -> None:
     """Some instruments mark their leaders 0001h and 0081h."""
     body = bytearray(seeds.pd0_ensemble(1)[:-2])
     first = 6 + 2 * 3
     body[first], body[first + 59] = 1, 0x81
-    table = pd0.FORMAT.read(bytes(body) + (sum(body) & 0xFFFF).to_bytes(2, "little"), "log").table
+    table = pd0.FORMAT.read(summed(bytes(body)), "log").table
     np.testing.assert_allclose(table.velocity_mps, [[0.1, -0.1, 0.25, -0.25]])
 
 
