@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import bottomlock
-from bottomlock import DepthReading, ImuReading, Navigator, Ping, own_method
+from bottomlock import AttitudeReading, DepthReading, ImuReading, Navigator, Ping, own_method
 from bottomlock.config.instrument_grades import imu
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import models, normal_gravity_mps2
@@ -283,3 +283,20 @@ def test_what_a_live_process_would_not_navigate_with_is_said() -> None:
         apart.push(still(k))
     apart.push(ping(1_790_000_000_000_000_000))
     assert "+1.79e+09 s from the IMU's readings" in apart.waiting_for
+
+
+def test_a_compass_that_jumps_is_said_while_it_lasts() -> None:
+    """90 deg for three seconds after some that agreed: a warning from the first on, none once it agrees again."""
+    nav = Navigator.start(**A50, attitude={"grade": "mti_ahrs", "aids": "attitude"})
+    said = []
+    for k in range(2000):
+        nav.push(still(k))
+        if k % 10 == 9:
+            nav.push(ping(k * 10 * MS))
+            half_rad = np.deg2rad(90.0 if 1400 <= k < 1700 else 45.0)
+            nav.push(AttitudeReading(k * 10 * MS, (np.cos(half_rad), 0.0, 0.0, np.sin(half_rad))))
+            said += [(k // 100, words) for words in nav.warnings]
+    assert dict(said) == {
+        15: "attitude has contradicted the estimate for 2 s",
+        16: "attitude has contradicted the estimate for 3 s",
+    }

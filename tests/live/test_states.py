@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bottomlock.live.sections import StatesSection
-from bottomlock.live.states import ORDER, Facts, StateMachine, judge
+from bottomlock.live.states import ORDER, Contradiction, Contradictions, Facts, StateMachine, judge
 from bottomlock.ports.estimate import SILENT, State
 
 S = 1_000_000_000
@@ -69,6 +70,19 @@ GOOD = Facts(
             "OK",
             "no inertial readings for 1.0 s: the last one was rejected, in deg/s?",
         ),
+        (
+            {"contradiction": Contradiction("gps_position", 5, S)},
+            "PARTIAL",
+            "PARTIAL",
+            "gps position has contradicted the",
+        ),
+        ({"contradiction": Contradiction("heading", 4, S)}, "OK", "OK", "beams determine the whole velocity"),
+        (
+            {"contradiction": Contradiction("heading", 9, S - 1)},
+            "OK",
+            "OK",
+            "beams determine the whole velocity",
+        ),
         ({"fault": "broken"}, "UNSAFE", "UNSAFE", "broken"),
         ({"waiting_for": "the alignment"}, "INITIALISING", "INITIALISING", "waiting for the alignment"),
     ],
@@ -93,6 +107,7 @@ facts = st.builds(
     stepped=st.booleans(),
     water_age_ns=st.none() | st.integers(0, 2 * S),
     waiting_for=st.sampled_from(["", "", "", "x"]),
+    contradiction=st.none() | st.builds(Contradiction, st.just("depth"), st.integers(3, 6), st.just(S)),
 )
 
 
@@ -100,11 +115,11 @@ facts = st.builds(
 def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]]) -> None:
     """Never better than what is asked now, and exactly the worst that was asked within the settling time.
 
-    Ten seconds from pings that contradict on it is UNSAFE.
+    Ten seconds from pings that contradict on it is UNSAFE, from another sensor that does at best PARTIAL.
     """
     machine, now = StateMachine(LIMITS), 0
     asked: list[tuple[int, State]] = []
-    contradicted: list[int] = []
+    contradicted: list[tuple[int, State]] = []
     for step, one in steps:
         now += step
         state = machine.update(replace(one, now_ns=now))
@@ -113,9 +128,32 @@ def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]
             asked, contradicted = [], []
             assert state == "INITIALISING"
             continue
-        contradicted += [now] if one.rejected >= 5 else []
-        if any(now - at < 10 * S for at in contradicted):
-            wanted = "UNSAFE"
+        contradicted += [(now, "UNSAFE")] if one.rejected >= 5 else []
+        contradicted += [(now, "PARTIAL")] if one.contradiction and one.contradiction.readings >= 5 else []
+        recent = [least for at, least in contradicted if now - at < 10 * S]
+        wanted = max([wanted, *recent], key=ORDER.index)
         asked = [(at, one_state) for at, one_state in asked if now - at < S] + [(now, wanted)]
         assert state == max((one_state for _, one_state in asked), key=ORDER.index)
         assert (state in SILENT) == (state == "UNSAFE")
+
+
+def test_the_run_of_rejections_that_has_lasted_longest() -> None:
+    """One that is accepted ends its run; beams, water and what is revised are no part of it."""
+    runs = Contradictions()
+
+    def take(at_s: int, sensor: str, verdict: str = "rejected", *, revised: bool = False) -> None:
+        runs.take(SimpleNamespace(time_ns=at_s * S, sensor=sensor, verdict=verdict, revised=revised))  # type: ignore[arg-type]
+
+    for at_s in range(4):
+        take(at_s, "beams")
+        take(at_s, "water_track")
+        take(at_s, "heading", revised=True)
+    assert runs.longest is None
+    for at_s in range(4, 9):
+        take(at_s, "heading")
+    for at_s in range(8, 11):
+        take(at_s, "gps_position")
+    assert runs.longest == Contradiction("heading", 5, 4 * S)
+    assert str(runs.longest) == "heading has contradicted the estimate for 4 s"
+    take(9, "heading", "accepted")
+    assert runs.longest == Contradiction("gps_position", 3, 2 * S)

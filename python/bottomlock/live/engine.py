@@ -280,6 +280,7 @@ class Engine:
             own_ratio=estimator.closure.own_ratio,
             water_age_ns=self._age(now_ns, estimator.water_used_ns),
             imu_fault=estimator.imu_fault,
+            contradiction=estimator.others.longest,
             fault=self._failed or estimator.fault,
         )
         self._steps_seen = steps

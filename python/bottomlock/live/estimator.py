@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.states import Reasons
+from bottomlock.live.states import Contradictions, Reasons
 from bottomlock.ports.estimate import Estimate, State, VelocityMethod
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import Ping, Reading
@@ -201,6 +201,7 @@ class Estimator:
         imu_used_ns: the same of inertial readings, or of attitudes in their place.
         water_used_ns: the same of beams of the water that determine the whole velocity through it.
         last: what is known of the last ping, for the health page.
+        others: sensors beside the beams whose readings contradict the estimate.
         gated: measurements beside the pings that the gate has rejected, by sensor.
     """
 
@@ -216,6 +217,7 @@ class Estimator:
         beams = self._instrument.geometry.beams
         self.last = LastPing(np.full(beams, np.nan), np.zeros(beams, dtype=bool))
         self.gated = Reasons()
+        self.others = Contradictions()
         self.closure = Closure(self._instrument)
 
     @property

@@ -11,6 +11,7 @@ from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.estimator import BEAM_SENSORS, Estimator, LastPing, on_host_clock, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
+from bottomlock.live.states import Contradictions
 from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import Ping, Reading
 from bottomlock.recordings.sensors import SENSORS
@@ -146,6 +147,7 @@ class NavigationEstimator(Estimator):
         """Of a navigator before."""
         self._pings.clear()
         self._waters.clear()
+        self.others = Contradictions()
         self.ping_used_ns = self.water_used_ns = None
 
     def continue_from(self, navigator: Navigator) -> None:
@@ -187,6 +189,7 @@ class NavigationEstimator(Estimator):
 
     def _take(self, reports: Sequence[Report]) -> None:
         for report in reports:
+            self.others.take(report)
             if report.sensor in BEAM_SENSORS and report.time_ns in self._pings:
                 self._judged(report, *self._pings.pop(report.time_ns))
             elif report.sensor == "water_track" and report.time_ns in self._waters:

@@ -22,7 +22,7 @@ from bottomlock.live.estimator import BEAM_SENSORS, Closure
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
-from bottomlock.live.states import Reasons, contradictions
+from bottomlock.live.states import Contradictions, Reasons, contradictions
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -165,6 +165,7 @@ class StartedNavigator:
         self.unused = Reasons()
         self._closure = Closure(instrument)
         self._rejected = 0
+        self._others = Contradictions()
 
     def push(self, reading: Reading | Ping) -> list[Report]:
         """Takes a reading at its time of validity.
@@ -186,6 +187,7 @@ class StartedNavigator:
             return []
         reports = self._taken(reading)
         for report in reports:
+            self._others.take(report)
             if report.sensor in BEAM_SENSORS:
                 self._rejected = self._rejected + 1 if report.verdict == "rejected" else 0
         return reports
@@ -233,7 +235,9 @@ class StartedNavigator:
     def warnings(self) -> list[str]:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
         ratios = self._closure.ratio, self._closure.own_ratio
-        return contradictions(self._rejected, *ratios, StatesSection())
+        longest, limits = self._others.longest, StatesSection()
+        others = [] if longest is None or not longest.is_grave(limits) else [str(longest)]
+        return contradictions(self._rejected, *ratios, limits) + others
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

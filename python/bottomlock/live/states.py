@@ -7,6 +7,7 @@ state is the worst that held within the last `settle_s`. docs/live.md prints the
 from collections import Counter
 from dataclasses import dataclass
 
+from bottomlock.kernel import Report
 from bottomlock.live.sections import StatesSection
 from bottomlock.ports.estimate import Mode, State
 from bottomlock.units import ns_from_s
@@ -27,6 +28,56 @@ class Reasons(Counter[str]):
     def add(self, reason: str, count: int = 1) -> None:
         """Counts a reason; beyond `MOST` of them as another one."""
         self[reason if reason in self or len(self) < MOST else "other reasons"] += count
+
+
+REFERENCES = {"heading", "attitude", "depth", "acoustic_position", "gps_position"}
+"""What measures where the vehicle is and how it is turned: where one contradicts the estimate, either is wrong."""
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Readings of a sensor that were rejected one after another: how many, and for how long, ns."""
+
+    sensor: str
+    readings: int
+    lasted_ns: int
+
+    @property
+    def words(self) -> str:
+        """The sensor in words."""
+        return self.sensor.replace("_", " ")
+
+    def is_grave(self, limits: StatesSection) -> bool:
+        """Whether it is longer than chance and than the time that a state takes to settle."""
+        return self.readings >= limits.rejected_pings and self.lasted_ns >= ns_from_s(limits.settle_s)
+
+    def __str__(self) -> str:
+        return f"{self.words} has contradicted the estimate for {self.lasted_ns * 1e-9:.0f} s"
+
+
+class Contradictions:
+    """The readings of each of `REFERENCES` that were rejected since its last that was not."""
+
+    def __init__(self) -> None:
+        self._runs: dict[str, tuple[int, int, int]] = {}
+
+    def take(self, report: Report) -> None:
+        """Counts a report; those of other sensors, and revised ones, say nothing."""
+        if report.sensor not in REFERENCES or report.revised:
+            return
+        if report.verdict == "rejected":
+            since_ns, count, _ = self._runs.get(report.sensor, (report.time_ns, 0, 0))
+            self._runs[report.sensor] = since_ns, count + 1, report.time_ns
+        else:
+            self._runs.pop(report.sensor, None)
+
+    @property
+    def longest(self) -> Contradiction | None:
+        """That which has lasted longest; None without any."""
+        runs = [
+            Contradiction(sensor, count, last - since) for sensor, (since, count, last) in self._runs.items()
+        ]
+        return max(runs, key=lambda run: run.lasted_ns, default=None)
 
 
 ORDER: tuple[State, ...] = ("OK", "PARTIAL", "WATER", "COASTING", "UNSAFE")
@@ -54,6 +105,7 @@ class Facts:
         fault: why the estimate cannot be used at all; "" if it can.
         water_age_ns: since all directions of the velocity through the water were last measured; None without such.
         imu_fault: why the last inertial reading was rejected; "" if it was not.
+        contradiction: of another sensor, that which has lasted longest.
     """
 
     now_ns: int
@@ -72,6 +124,7 @@ class Facts:
     water_age_ns: int | None = None
     fault: str = ""
     imu_fault: str = ""
+    contradiction: Contradiction | None = None
 
 
 def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
@@ -102,6 +155,8 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
+    if facts.contradiction is not None and facts.contradiction.is_grave(limits):
+        return "PARTIAL", str(facts.contradiction)
     return "OK", "beams determine the whole velocity"
 
 
@@ -144,7 +199,7 @@ class StateMachine:
     """The state with its hysteresis: the worst that was judged within the last `settle_s`.
 
     After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a
-    shoal or a vessel, and the filter follows it once its gate opens.
+    shoal or a vessel, and the filter follows it once its gate opens. After another sensor that did it stays PARTIAL.
 
     Attributes:
         state: now.
@@ -158,23 +213,25 @@ class StateMachine:
         self.why = "nothing has come yet"
         self.since_ns: int | None = None
         self._last: dict[State, tuple[int, str]] = {}
-        self._contradicted_ns: int | None = None
+        self._contradicted: dict[State, tuple[int, str]] = {}
 
     def update(self, facts: Facts) -> State:
         """Judges the facts, whose times never fall, and returns the state."""
         asked, why = judge(facts, self.limits)
         if asked == "INITIALISING":
             self._last.clear()
-            self._contradicted_ns = None
+            self._contradicted.clear()
             self._enter("INITIALISING", why, facts.now_ns)
             return self.state
         if facts.rejected >= self.limits.rejected_pings:
-            self._contradicted_ns = facts.now_ns
-        elif asked != "UNSAFE" and self._is_unconfirmed(facts.now_ns):
-            asked, why = (
-                "UNSAFE",
-                f"pings contradicted the estimate within the last {self.limits.agree_s:g} s",
-            )
+            self._contradicted["UNSAFE"] = facts.now_ns, "pings"
+        if facts.contradiction is not None and facts.contradiction.is_grave(self.limits):
+            self._contradicted["PARTIAL"] = facts.now_ns, facts.contradiction.words
+        for state, (at_ns, who) in self._contradicted.items():
+            is_recent = facts.now_ns - at_ns < ns_from_s(self.limits.agree_s)
+            if is_recent and ORDER.index(state) > ORDER.index(asked):
+                within = f"within the last {self.limits.agree_s:g} s"
+                asked, why = state, f"{who} contradicted the estimate {within}"
         self._last[asked] = facts.now_ns, why
         worst = max(
             (
@@ -186,11 +243,6 @@ class StateMachine:
         )
         self._enter(worst, self._last[worst][1], facts.now_ns)
         return self.state
-
-    def _is_unconfirmed(self, now_ns: int) -> bool:
-        """Whether pings have contradicted the estimate, and it has not agreed with them for long enough since."""
-        contradicted_ns = self._contradicted_ns
-        return contradicted_ns is not None and now_ns - contradicted_ns < ns_from_s(self.limits.agree_s)
 
     def _enter(self, state: State, why: str, now_ns: int) -> None:
         if state != self.state or self.since_ns is None:
