@@ -111,6 +111,29 @@ def test_positions_bring_the_vehicle_where_it_is(form: str, extra: str) -> None:
     assert (claimed[:2] > 49.0).all()
 
 
+def test_fixes_that_jump_are_not_ok_and_not_followed() -> None:
+    """50 m for six seconds after eight that agreed: PARTIAL from the fourth on, and the position stays where it was."""
+    jumped = [
+        (at, source, _moved(line) if 10.0 < (at - START_NS) * 1e-9 < 16.1 else line)
+        for at, source, line in fixes("usbl", 2)
+    ]
+    engine, found = Engine(navigation(USBL)), dict[int, set[str]]()
+    for arrival_ns, source, data in World(SECONDS).arrivals(jumped, imu=True):
+        engine.arrive(source, arrival_ns, data)
+        found.setdefault((arrival_ns - START_NS) // 1_000_000_000, set()).add(engine.state)
+    assert set().union(*(found[second] for second in range(6, 13))) == {"OK"}
+    assert set().union(*(found[second] for second in range(14, 20))) == {"PARTIAL"}
+    assert engine.machine.why == "acoustic position contradicted the estimate within the last 10 s"
+    state = navigator_of(engine).state()
+    error = truth_m((state["time_ns"] - START_NS) * 1e-9) - state["position_t_m"]
+    assert np.linalg.norm(error) < 1.5
+
+
+def _moved(line: bytes) -> bytes:
+    time, north, *others = line.split(b",")
+    return b",".join([time, repr(float(north) + 50.0).encode(), *others])
+
+
 def test_lines() -> None:
     """Degrees and heights; positions with and without their sigma; what cannot be one is told."""
     gps, usbl = LineReader("gps-csv"), LineReader("acoustic-csv")
