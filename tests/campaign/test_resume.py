@@ -48,7 +48,10 @@ def test_what_is_found_is_told_apart(tmp_path: Path) -> None:
     run_campaign([short(4)], tmp_path / "o", threads=1)
     (tmp_path / "o" / "chunks" / "straight" / "counts-00000000-00000001.parquet").unlink()
     run_campaign([short(4)], tmp_path / "o", threads=1, progress=heard.append)
-    assert heard == [CampaignProgress("straight", 2, 4, 4, found=True), CampaignProgress("straight", 4, 4, 4)]
+    assert heard == [
+        CampaignProgress("straight", 2, 4, 4, resumed=True),
+        CampaignProgress("straight", 4, 4, 4),
+    ]
 
 
 CHUNK = "00000002-00000003"

@@ -110,14 +110,14 @@ class CampaignProgress:
         runs_done: its finished runs; a chunk under way may count in part.
         runs_total: all of its runs.
         campaign_runs: the runs of all scenarios.
-        found: whether these runs were finished by an earlier start.
+        resumed: whether these runs were finished by an earlier start.
     """
 
     trajectory: str
     runs_done: float
     runs_total: int
     campaign_runs: int
-    found: bool = False
+    resumed: bool = False
 
 
 def run_campaign(
@@ -274,7 +274,7 @@ class _RunCounter:
             self._done[chunk.scenario] += chunk.runs
         for name, runs in self._done.items():
             if runs:
-                self._call(name, runs, found=True)
+                self._call(name, runs, resumed=True)
 
     def report(self, chunk: Chunk, fraction: float) -> None:
         """Reports a chunk in progress."""
@@ -285,6 +285,6 @@ class _RunCounter:
         self._done[chunk.scenario] += chunk.runs
         self._call(chunk.scenario, self._done[chunk.scenario])
 
-    def _call(self, name: str, runs: float, *, found: bool = False) -> None:
+    def _call(self, name: str, runs: float, *, resumed: bool = False) -> None:
         total = sum(self._total.values())
-        self._progress(CampaignProgress(name, runs, self._total[name], total, found))
+        self._progress(CampaignProgress(name, runs, self._total[name], total, resumed))

@@ -117,7 +117,7 @@ def progress_bar(
             done[state.trajectory] = state.runs_done
             update(
                 # Runs of an earlier start say nothing of the rate: the clock starts now.
-                anew=bool(state.found),
+                restart=bool(state.resumed),
                 total=state.campaign_runs if total is None else total,
                 completed=int(sum(done.values())),
                 description=state.trajectory,

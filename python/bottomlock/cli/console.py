@@ -134,7 +134,7 @@ def late_bar(label: str, *columns: "ProgressColumn", interrupted: str = "") -> I
         interrupted: what to print after Ctrl-C, which then ends the command; "" for as Python ends it.
 
     Yields:
-        Takes the keywords of `rich.progress.Progress.update`; with `anew` the clock of the rate starts again.
+        Takes the keywords of `rich.progress.Progress.update`; with `restart` the clock of the rate starts again.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - `--help` has none
 
@@ -142,9 +142,9 @@ def late_bar(label: str, *columns: "ProgressColumn", interrupted: str = "") -> I
     bar = Progress(*shown, TimeRemainingColumn(), console=errors, disable=bars_are_off())
     task = bar.add_task(label, total=None)
 
-    def report(*, anew: bool = False, **changes: Any) -> None:  # noqa: ANN401 - as rich has them
+    def report(*, restart: bool = False, **changes: Any) -> None:  # noqa: ANN401 - as rich has them
         bar.start()
-        if anew:
+        if restart:
             bar.reset(task, completed=changes["completed"])
         bar.update(task, **changes)
 
