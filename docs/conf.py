@@ -8,6 +8,11 @@ import importlib.metadata
 import os
 from pathlib import Path
 
+from jupyter_client.connect import ConnectionFileMixin
+
+ConnectionFileMixin.transport.default_value = "ipc"
+"""The kernels of the examples talk by files: over TCP each warns of its missing encryption."""
+
 project = "bottomlock"
 author = "The bottomlock authors"
 copyright = author  # noqa: A001 - Sphinx's name
