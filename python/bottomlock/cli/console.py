@@ -149,15 +149,17 @@ def late_bar(label: str, *columns: "ProgressColumn", interrupted: str = "") -> I
         bar.update(task, **changes)
 
     try:
-        yield report
+        try:
+            yield report
+        finally:
+            # Before the last line, which is not the bar's.
+            if bar.live.is_started:
+                bar.stop()
     except KeyboardInterrupt:
         if not interrupted:
             raise
         errors.print(f"interrupted; {interrupted}")
         sys.exit(EXIT_INTERRUPTED)
-    finally:
-        if bar.live.is_started:
-            bar.stop()
 
 
 def narrow_table(
