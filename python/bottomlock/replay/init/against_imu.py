@@ -78,6 +78,8 @@ NEAR = 2.0
 """A unit is told by a slope within this factor."""
 POOR_RAD_RTS = 5e-4
 """Noise of gyros (1.7 deg/√h) from which the attitude's own turns are the better ones over seconds."""
+RESOLVED = 2.0
+"""Sigmas of its square by which it has to be larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ def turns(
     gyros = match_gyros(imu.time_ns, omega, times, platform, interval_s)
     if gyros is None:
         return plain
-    if gyros.noise_rad_rts > POOR_RAD_RTS:
+    if gyros.noise is not None and gyros.noise.square - RESOLVED * gyros.noise.sd > POOR_RAD_RTS**2:
         found = attitude_at(times, platform, imu.time_ns)
         if found is not None:
             rates = _rates(imu, found[0])

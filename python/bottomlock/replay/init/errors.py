@@ -1,6 +1,6 @@
 """Errors that a first case states: of the IMU and of the attitude sensor, and the prior of the velocity."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import isfinite
 
 import numpy as np
@@ -11,6 +11,7 @@ from bottomlock.replay.init.entries import Entry, remark
 from bottomlock.replay.init.guess import Guess, round_up, white_noise
 from bottomlock.replay.init.rig import Parts
 from bottomlock.replay.motion.gyros import GyroMatch
+from bottomlock.replay.motion.pings import LAGS
 from bottomlock.replay.vehicle_motion import vehicle_motion
 
 PER_HOUR = 3600.0
@@ -20,6 +21,9 @@ EARTH_DEG_PER_H = 15.04
 TOLD = 3.0
 """Sigmas from which an offset is one."""
 LEAST_BIAS_MG, MOST_BIAS_MG = 1.0, 50.0
+GYROS, FORCE = "gyro_noise_deg_per_rt_h", "accel_noise_mps_per_rt_h"
+_FACTOR = {GYROS: float(np.rad2deg(PER_RT_HOUR)), FORCE: PER_RT_HOUR}
+"""From rad/√s and m/s/√s."""
 
 MAGNETIC = "mti_ahrs"
 """Gyros that agree with an attitude show a good IMU. They say nothing of north, so no gyrocompass follows from them."""
@@ -28,12 +32,12 @@ MAGNETIC = "mti_ahrs"
 def imu_errors(parts: Parts) -> Iterator[Entry]:
     """The section `[imu.errors]`."""
     imu = parts.imu
-    found = _evidence(parts)
-    floor = {
-        "gyro_noise_deg_per_rt_h": float(np.rad2deg(white_noise(imu.time_ns, imu.omega_s_radps)))
-        * PER_RT_HOUR,
-        "accel_noise_mps_per_rt_h": white_noise(imu.time_ns, imu.force_s_mps2) * PER_RT_HOUR,
+    scatter = {
+        key: white_noise(imu.time_ns, of)
+        for key, of in ((GYROS, imu.omega_s_radps), (FORCE, imu.force_s_mps2))
     }
+    floor = {key: density * _FACTOR[key] for key, density in scatter.items()}
+    found = _evidence(parts) | _noise(parts, scatter)
     covers = {key: min(value, found[key].value) if key in found else value for key, value in floor.items()}
     bias = found.get("gyro_bias_deg_per_h")
     if bias is not None:
@@ -84,7 +88,7 @@ def nearest_grade(covers: dict[str, float]) -> Grade:
 def _evidence(parts: Parts) -> dict[str, Guess]:
     """What the log says, by key of the case."""
     found: dict[str, Guess] = {}
-    gyros, pings, latitude_known = parts.gyros, parts.pings, isfinite(parts.latitude_rad)
+    gyros, latitude_known = parts.gyros, isfinite(parts.latitude_rad)
     match = parts.dvl.match if parts.dvl.match is not None and parts.dvl.match.plausible else None
     if match is not None:
         excess = abs(match.gravity - 9.80665) / 9.80665 * 1e3
@@ -101,12 +105,6 @@ def _evidence(parts: Parts) -> dict[str, Guess]:
                 float(f"{1.05 * max(most, LEAST_BIAS_DEG_PER_H):.2g}"),
                 f"the gyros are {axes} deg/h (± {sd:.2g}) off the recorded attitude's turns",
             )
-        if gyros.noise_rad_rts > 0.0:
-            found["gyro_noise_deg_per_rt_h"] = Guess(
-                float(np.rad2deg(gyros.noise_rad_rts)) * PER_RT_HOUR,
-                f"over up to {gyros.lag_s:.2g} s the integrated gyros part from the attitude so, scale and low rate "
-                "included",
-            )
         wander = float(np.rad2deg(gyros.wander_radps_rts))
         if wander > 0.0:
             found["gyro_bias_walk_deg_per_s_per_rt_s"] = Guess(
@@ -119,12 +117,28 @@ def _evidence(parts: Parts) -> dict[str, Guess]:
             round_up(max(2.0 * off, 2.0 * sd, LEAST_BIAS_DEG_PER_H)),
             f"against the DVL's velocity the level gyros are {off:.3g} deg/h off",
         )
-    if pings is not None and pings.force_mps_rts > 0.0:
-        found["accel_noise_mps_per_rt_h"] = Guess(
-            pings.force_mps_rts * PER_RT_HOUR,
-            f"over one to eight pings ({pings.differences} of them) the integrated force parts so from their velocity",
-        )
     return found
+
+
+def _noise(parts: Parts, scatter: Mapping[str, float]) -> dict[str, Guess]:
+    """Noise of what the readings integrate to, 1 sigma above its estimate: a small claim makes a filter overconfident.
+
+    Args:
+        parts: as compared.
+        scatter: density of the readings' noise from one to the next.
+    """
+    gyros, pings, found = parts.gyros, parts.pings, {}
+    if gyros is not None and gyros.noise is not None:
+        words = f"over up to {gyros.lag_s:.2g} s the integrated gyros part from the attitude so"
+        found[GYROS] = gyros.noise, f"{words}, scale and low rate included"
+    if pings is not None:
+        words = f"over one to {LAGS[-1]} pings ({pings.differences} of them) the integrated force parts so"
+        found[FORCE] = pings.force, f"{words} from their velocity"
+    return {
+        key: Guess(_FACTOR[key] * most, f"{words}: {_FACTOR[key] * value:.2g}, and 1 sigma")
+        for key, (walk, words) in found.items()
+        for value, most in [walk.density(scatter[key])]
+    }
 
 
 def attitude_noise(gyros: GyroMatch | None) -> Iterator[Entry]:
@@ -161,7 +175,7 @@ def vehicle_prior(parts: Parts) -> Iterator[Entry]:
     """
     if parts.imu.made or parts.pings is None:
         return
-    drift_mps = parts.pings.force_mps_rts * np.sqrt(OUTAGE_S)
+    drift_mps = parts.pings.force.density()[0] * np.sqrt(OUTAGE_S)
     try:
         motion = vehicle_motion(parts.dvl.time_ns, parts.dvl.velocity_p_mps)
     except DataError:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.recordings.axes import to_angles
+from bottomlock.recordings.noise_growth import Walk
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
@@ -119,7 +120,7 @@ def noise_of_pings(dvl: DvlPart) -> PingNoise | None:
         motion = vehicle_motion(dvl.time_ns, dvl.velocity_p_mps)
     except DataError:
         return None
-    return PingNoise(motion.white_sd_mps, 0.0, motion.pings)
+    return PingNoise(motion.white_sd_mps, Walk(0.0, 0.0), motion.pings)
 
 
 def by_motion(parts: Parts) -> Parts:
@@ -138,8 +139,8 @@ def by_motion(parts: Parts) -> Parts:
     if rates.of_attitude and rates.gyros is not None and pings is not None:
         # The force is integrated with the gyros' rotation by a filter, too, so that their part in its error counts.
         own = ping_noise(recorded(imu, parts.dvl, imu.omega_p_radps - rates.gyros.offset_radps))
-        felt = pings.force_mps_rts if own is None else max(own.force_mps_rts, pings.force_mps_rts)
-        pings = replace(pings, force_mps_rts=felt)
+        if own is not None and own.force.square > pings.force.square:
+            pings = replace(own, velocity_sd_mps=pings.velocity_sd_mps)
     return replace(parts, attitude=attitude, gyros=rates.gyros, pings=pings, dvl=with_noise(parts.dvl, pings))
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.noise_growth import Walk, noise_growth
 from bottomlock.recordings.rig_motion import LENGTH_S, integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial, Integers, integrals
@@ -23,16 +24,14 @@ COVERED = 0.7
 LEAST_PAIRS = 20
 OUTLIER = 4.0
 RESOLVED = 2.0
-"""Sigmas from which a random walk is told from the noise of the attitude."""
-ROBUST = 1.7
-"""How many times less certain a variance by the median is."""
+"""Sigmas from which a wander of the offset is told from the errors of single segments."""
 LEAST_SEGMENTS = 4
 PARTS, SHORTEST_S = 8, 4.0
 """A short recording is cut into about so many segments, none shorter than so many seconds."""
 LEAST_FOR_SCALE = 10
 """Segments from which a scale factor is told from a wander of the offset."""
 LONGEST_LAG_S = 6.0
-LAGS = (1, 2, 3, 4, 6)
+LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 """Intervals between pings over which the noise is found."""
 
 
@@ -43,8 +42,7 @@ class GyroMatch:
     Attributes:
         offset_radps, offset_sd_radps: (3,) mean difference, gyros minus attitude, and its 1 sigma.
         wander_radps_rts: random walk of the offset, RMS over the axes, rad/s/√s.
-        noise_rad_rts: random walk of the integrated gyros, RMS over the axes, rad/√s; 0 where the noise of the
-            attitude hides it.
+        noise: random walk of the integrated gyros, RMS over the axes, rad/√s; None with too few intervals.
         lag_s: the longest interval at which the noise was found.
         white_rad: (3,) white noise of the attitude about forward, right and down of the platform; 0 where none shows.
     """
@@ -52,7 +50,7 @@ class GyroMatch:
     offset_radps: Floats
     offset_sd_radps: Floats
     wander_radps_rts: float
-    noise_rad_rts: float
+    noise: Walk | None
     lag_s: float
     white_rad: Floats
 
@@ -177,12 +175,15 @@ def match_gyros(
     offsets = _slopes(J, angle, part)
     left = angle - np.einsum("pij,pj->pi", J, offsets[part])
     offset, scatter = np.median(offsets, axis=0), sd_about_median(offsets, axis=0)
-    density, white, lag_s = _noise(times, part, C, left, interval_s)
+    moved, step_s = _differences(times, part, C, left, interval_s)
+    grown = noise_growth(moved, step_s)
     means = segments.omega_p_radps.mean(axis=1)[segment[first]]
     apart_s = float(np.median(np.diff(times[first]))) * 1e-9
     return GyroMatch(
         offset, scatter / np.sqrt(len(offsets)), _wander(offsets, means, apart_s),
-        float(np.sqrt(np.mean(density**2))), lag_s, white,
+        None if grown is None else grown.walk, max((lag for lag, _ in moved), default=1) * step_s,
+        # The attitude's own noise is in both ends of a difference.
+        np.zeros(3) if grown is None else np.sqrt(0.5 * grown.white),
     )  # fmt: skip
 
 
@@ -213,13 +214,10 @@ def _slopes(J: Floats, angle: Floats, part: Integers) -> Floats:
     )
 
 
-def _noise(
+def _differences(
     time_ns: Integers, part: Integers, C: Floats, left: Floats, interval_s: float
-) -> tuple[Floats, Floats, float]:
-    """(3,) random walk of what is left, (3,) white noise of the attitude, and the longest interval of both, s.
-
-    The variance over an interval is that of the attitude's own white noise, twice, and the walk's, which grows with it.
-    """
+) -> tuple[list[tuple[int, Floats]], float]:
+    """What is left over several lags, in steps of the attitude, each with (n, 3) differences; and the step, s."""
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
     wanted = {max(1, round(k * interval_s / step_s)) for k in LAGS if k * interval_s <= LONGEST_LAG_S}
     found = []
@@ -229,34 +227,8 @@ def _noise(
         took_s = (time_ns[lag:] - time_ns[:-lag]) * 1e-9
         good = (part[lag:] == part[:-lag]) & (np.abs(took_s - lag * step_s) < 0.5 * step_s * lag)
         if good.sum() >= LEAST_PAIRS:
-            moved = np.einsum("pji,pj->pi", C[:-lag], left[lag:] - left[:-lag])[good]
-            found.append((lag, moved))
-    return *_walk(found, step_s), max((lag for lag, _ in found), default=1) * step_s
-
-
-def _walk(differences: list[tuple[int, Floats]], step_s: float) -> tuple[Floats, Floats]:
-    """(3,) random walk by the growth of the variance with the lag, and white noise by what does not grow; 0 for none.
-
-    Args:
-        differences: lags, in steps, and (n, 3) differences over each.
-        step_s: length of a step.
-    """
-    if len(differences) < 2:
-        return np.zeros(3), np.zeros(3)
-    rows, target, each = [], [], []
-    for lag, moved in differences:
-        spread = sd_about_median(moved, axis=0) ** 2
-        weight = 1.0 / (ROBUST * np.sqrt(lag / len(moved)) * max(float(spread.mean()), 1e-20))
-        rows.append(weight * np.array([1.0, lag * step_s]))
-        target.append(weight * spread)
-        each.append(spread)
-    A, spreads = np.array(rows), np.array(each)
-    level, steep = np.linalg.lstsq(A, np.array(target), rcond=None)[0]
-    white = np.sqrt(0.5 * np.maximum(level, 0.0))
-    share = np.sqrt((spreads**2).sum(axis=1)).mean() / max(float(spreads.sum(axis=1).mean()), 1e-30)
-    sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
-    walk = np.sqrt(np.maximum(steep, 0.0)) if float(steep.mean()) > RESOLVED * sd else np.zeros(3)
-    return walk, white
+            found.append((lag, np.einsum("pji,pj->pi", C[:-lag], left[lag:] - left[:-lag])[good]))
+    return found, step_s
 
 
 def _wander(offsets: Floats, rates: Floats, apart_s: float) -> float:

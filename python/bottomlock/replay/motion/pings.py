@@ -16,9 +16,9 @@ one is too large where the accelerometers are poor, the other where the vehicle 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from bottomlock.recordings.closure import orders_by_closure
+from bottomlock.recordings.noise_growth import Walk, noise_growth
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Flags, Floats, Integers
@@ -106,13 +106,10 @@ def better_order(
     return BetterOrder(int(full.sum()), stated, best, ", or ".join(words))
 
 
-LAGS = (1, 2, 3, 4, 6, 8)
+LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
 LONGEST_S = 5.0
 """Over longer intervals the Earth's rate, which is left out, tilts gravity by more than a good DVL's noise."""
 LEAST_DIFFERENCES = 40
-RESOLVED = 2.0
-"""Sigmas from which a random walk is told from the noise of the velocity."""
-FAR_OFF = 4.0
 CLEAR = 0.5
 """Part that the accelerometers may have in the variance over one ping: beyond it the velocity's own is not clear."""
 EVEN = 0.25
@@ -125,13 +122,12 @@ class PingNoise:
 
     Attributes:
         velocity_sd_mps: (3,) of a ping, platform axes.
-        force_mps_rts: random walk of the integrated specific force, RMS over the axes, m/s/√s; 0 where the noise of the
-            velocity hides it.
+        force: random walk of the integrated specific force, RMS over the axes, m/s/√s.
         differences: number of second differences of one ping that it was found from.
     """
 
     velocity_sd_mps: Floats
-    force_mps_rts: float
+    force: Walk
     differences: int
 
 
@@ -146,7 +142,7 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
     turned = np.einsum("pij,pj->pi", at.C, recorded.velocity_p_mps[at.kept])
     y = turned - at.S
     interval_s = float(np.median(np.diff(recorded.time_ns))) * 1e-9
-    rows, target, each, counted = [], [], [], 0
+    bends = []
     for lag in LAGS:
         if len(y) <= 2 * lag or (lag > 2 and lag * interval_s > LONGEST_S):
             break
@@ -160,15 +156,9 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
         whole = at.time_s[last] - at.time_s[first]
         share = 2.0 * (at.time_s[middle] - at.time_s[first]) / np.maximum(whole, 1e-9)
         bend = ((2.0 - share)[:, None] * y[first] - 2.0 * y[middle] + share[:, None] * y[last])[even]
-        body = np.einsum("pji,pj->pi", at.C[middle][even], bend)
-        counted = max(counted, int(even.sum()))
-        # A variance of n differences over a lag is known to about this part of itself (by simulation).
-        spread = _variance(body)
-        weight = 1.0 / (np.sqrt(lag / even.sum()) * max(float(spread.mean()), 1e-12))
-        rows.append(weight * np.array([6.0, 2.0 * lag * interval_s]))
-        target.append(weight * spread)
-        each.append(spread)
-    if len(rows) < 2:
+        bends.append((lag, np.einsum("pji,pj->pi", at.C[middle][even], bend)))
+    grown = noise_growth(bends, interval_s)
+    if grown is None:
         return None
     third = turned[3:] - 3.0 * turned[2:-1] + 3.0 * turned[1:-2] - turned[:-3]
     even = (at.segment[3:] == at.segment[:-3]) & (
@@ -178,25 +168,10 @@ def ping_noise(recorded: Recorded) -> PingNoise | None:
     if even.sum() >= LEAST_DIFFERENCES:
         body = np.einsum("pji,pj->pi", at.C[1:-2][even], third[even])
         alone = sd_about_median(body, axis=0) / np.sqrt(20.0)
-    A, b, spreads = np.array(rows), np.array(target), np.array(each)
-    parts = np.stack([nnls(A, b[:, axis])[0] for axis in range(3)])
-    # Without the bound at zero, which would make noise of any sign a walk.
-    steep = float(np.linalg.lstsq(A, b, rcond=None)[0][1].mean())
-    share = np.sqrt((spreads**2).sum(axis=1)).mean() / spreads.sum(axis=1).mean()
-    steep_sd = float(np.sqrt(np.linalg.inv(A.T @ A)[1, 1]) * share)
-    clear = 2.0 * parts[:, 1] * interval_s < CLEAR * 6.0 * parts[:, 0]
-    beside = np.where(clear | ~np.isfinite(alone), np.sqrt(parts[:, 0]), np.inf)
-    sd = np.minimum(beside, alone)
-    return PingNoise(sd, float(np.sqrt(steep)) if steep > RESOLVED * steep_sd else 0.0, counted)
-
-
-def _variance(values: Floats) -> Floats:
-    """(3,) variance without outliers: twice as certain as one by the median."""
-    middle, sd = np.median(values, axis=0), sd_about_median(values, axis=0)
-    kept = np.abs(values - middle) <= FAR_OFF * np.maximum(sd, 1e-12)
-    return np.asarray(
-        (np.where(kept, values - middle, 0.0) ** 2).sum(axis=0) / np.maximum(kept.sum(axis=0), 1)
-    )
+    is_clear = grown.walk_of * interval_s < CLEAR * grown.white
+    beside = np.where(is_clear | ~np.isfinite(alone), np.sqrt(grown.white / 6.0), np.inf)
+    counted = max(len(body) for _, body in bends)
+    return PingNoise(np.minimum(beside, alone), grown.walk.over(2.0), counted)
 
 
 def tilt_of_noise(velocity_sd_mps: Floats) -> float:
