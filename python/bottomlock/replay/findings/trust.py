@@ -182,8 +182,9 @@ OF_FILTERS_ALONE = {
 }  # fmt: skip
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
-OF_DEPTH = {"depth_sign", "depth_scale"}
-"""Causes that a horizontal track does not show."""
+UNSHOWN = {"depth_sign", "depth_scale", "gyro_sign"}
+"""Causes that agreement with dead reckoning does not clear: a horizontal track shows no depth, and dead reckoning has the
+clock and frames of the attitude that gyros with a wrong sign told."""
 NOTHING = "Nothing."
 
 
@@ -220,7 +221,7 @@ def answer_of(evidence: Evidence) -> Answer:
     faulty = (
         cause is not None
         and cause.severity == "fault"
-        and (cause.kind in OF_DEPTH or not _confirmed(evidence, cause))
+        and (cause.kind in UNSHOWN or not _confirmed(evidence, cause))
     )
     further = "" if evidence.sway is None else evidence.sway.words(), evidence.assumed
     beams = ("" if evidence.seen is None else evidence.seen.words(), evidence.closure)
