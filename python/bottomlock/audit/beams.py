@@ -18,7 +18,7 @@ from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_RAD
 from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, READINGS_TO_VELOCITY, Matrix, line_angle
 from bottomlock.audit.robust import Array, Flags, significant
-from bottomlock.recordings.closure import Order, closure_sd, orders_by_closure
+from bottomlock.recordings.closure import Reordered, find_order
 
 BETTER, FAR_BETTER = 0.5, 0.2
 """An order is considered whose closure is smaller than this of the stated one's; of a matrix by regression, than this.
@@ -29,31 +29,6 @@ A fault of one channel in the record alone shows in every row of such a matrix, 
 TURNED_RAD = 1e-9
 """A smaller common rotation is none."""
 Pairs = tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Reordered:
-    """Orders in which the beams close far better than as stated.
-
-    A wrong order gives a steady course a constant closure, as a bias in the stated order does: where the closure of the
-    stated order scatters about its median as little as the best closes, the two cannot be told apart.
-
-    Attributes:
-        orders: the simplest of those that close best.
-        plain_mps, scatter_mps: closure as stated, about zero and about its median.
-        or_bias: a bias explains it as well.
-    """
-
-    orders: list[Order]
-    plain_mps: float
-    scatter_mps: float
-    or_bias: bool
-
-    @property
-    def moved(self) -> list[int]:
-        """Channels of any of the orders with another beam or sign than stated."""
-        changed = (set(one.moved) | {k for k, s in enumerate(one.sign) if s < 0} for one in self.orders)
-        return sorted(set().union(*changed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,23 +148,14 @@ def assess_beams(
     readings, rows = log.velocity_mps[full], found.rows
     if rows is None or len(readings) < LEAST_PINGS or copies or found.parallel:
         return found
-    reordered = find_order(readings, rows, FAR_BETTER if found.seen else BETTER) if log.beams >= 4 else None
+    reordered = None
+    if log.beams >= 4:
+        better = FAR_BETTER if found.seen else BETTER
+        reordered = find_order(readings, rows, better=better, least_mps=MATERIAL_MPS)
     if reordered is not None and not reordered.or_bias:
         one = reordered.orders[0]
         rows = np.array(one.sign)[:, None] * rows[list(one.beam)]
     return _with_closures(replace(found, rows=rows, reordered=reordered), readings)
-
-
-def find_order(readings_mps: Array, rows: Array, better: float = BETTER) -> Reordered | None:
-    """The simplest orders in which readings (n, beams) close far better than in that of rows (beams, 3), if any."""
-    orders = orders_by_closure(readings_mps, rows)
-    plain, best = next(one for one in orders if one.steps == 0), orders[0]
-    if best.closure_mps > better * plain.closure_mps or plain.closure_mps < MATERIAL_MPS:
-        return None
-    equal = [one for one in orders if one.closure_mps < 1.1 * best.closure_mps]
-    simple = [one for one in equal if one.steps == min(other.steps for other in equal)]
-    scatter = closure_sd(rows, readings_mps, biased=True)
-    return Reordered(simple, plain.closure_mps, scatter, BETTER * scatter < best.closure_mps)
 
 
 def _biases(matrix: Matrix, closures: list[Closure]) -> tuple[Array, Array]:

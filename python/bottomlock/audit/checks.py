@@ -11,7 +11,6 @@ from bottomlock.audit.findings import (
     FROM_FILE,
     MATERIAL_SCALE,
     Told,
-    beam_words,
     finding,
     listed,
     with_sd,
@@ -20,7 +19,7 @@ from bottomlock.audit.logs import BeamLog
 from bottomlock.audit.matrix import LEAST_PINGS, Matrix, line_angle, tilt
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, significant
 from bottomlock.io.beams import packaged_geometries
-from bottomlock.recordings.closure import Order, closure_sd
+from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
 
 LogCheck = Callable[[BeamLog], Iterable[Finding]]
@@ -59,23 +58,15 @@ def order(_: BeamLog, context: Context) -> Iterator[Finding]:
     if found is None or (found.or_bias and not context.assessment.doubtful):
         return
     best = found.orders[0]
-    sizes = _mmps(plain=found.plain_mps, scatter=found.scatter_mps, best=best.closure_mps)
-    told = {"orders": "; or ".join(_order_words(one) for one in found.orders[:6])} | sizes
+    sizes = _mmps(plain=found.plain_mps, scatter=found.scatter_mps, best=found.best_mps)
+    told = {"orders": found.words} | sizes
     told["advice"] = FROM_FILE
     if len(found.orders) > 1:
         told["advice"] = (
             "Closure cannot distinguish these; record the instrument's velocity, or a known motion."
         )
     kind = "sign_flipped/closure" if best.steps == 1 and min(best.sign) < 0 else "swapped_beams/closure"
-    size = found.plain_mps / max(best.closure_mps, 1e-12)
-    yield finding("order_or_bias" if found.or_bias else kind, size, told=told, beams=found.moved)
-
-
-def _order_words(one: Order) -> str:
-    flipped = [k for k, sign in enumerate(one.sign) if sign < 0]
-    parts = [f"{beam_words(one.moved)} exchanged"] if one.moved else []
-    parts += [f"{beam_words(flipped)} flipped in sign"] if flipped else []
-    return " and ".join(parts)
+    yield finding("order_or_bias" if found.or_bias else kind, found.ratio, told=told, beams=found.moved)
 
 
 def _angles(matrix: Matrix) -> Told:

@@ -19,7 +19,7 @@ from scipy.stats import binom, f, norm
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_SCALE, SIGNIFICANCE
 from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, resolution, significant
 from bottomlock.recordings.closure import closure_rows
-from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_median
+from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_median, white_sd
 
 HEAVY_FRACTION = 0.01
 """Tails are heavy where a larger fraction lies beyond three robust sigmas; Gaussian noise has 0.0027."""
@@ -113,7 +113,7 @@ def closure_of(weights: Array, readings_mps: Array, added_sd_mps: float = 0.0) -
         median_sd_mps=float(np.hypot(middle_sd, added_sd_mps)),
         median_abs_mps=float(np.median(size)),
         sigma_mps=spread,
-        white_sigma_mps=float(sd_about_median(np.diff(values))) / np.sqrt(2.0),
+        white_sigma_mps=float(white_sd(values[:, None], 1)[0]),
         p95_mps=float(np.quantile(size, 0.95)),
         p99_mps=float(np.quantile(size, 0.99)),
         max_mps=float(size.max()),

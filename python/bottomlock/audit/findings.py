@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.recordings.finding import Finding, Severity
+from bottomlock.recordings.finding import Finding, Severity, beam_words
 from bottomlock.tables.audit import FINDINGS
 
 SIGNIFICANCE = 1e-5
@@ -327,18 +327,6 @@ def findings_table(findings: list[Finding]) -> pl.DataFrame:
         for rank, one in enumerate(findings, start=1)
     ]  # fmt: skip
     return pl.DataFrame(rows, schema=dict(FINDINGS), orient="row")
-
-
-def beam_words(beams: Iterable[int]) -> str:
-    """Names of beams by their number from 0.
-
-    >>> beam_words([0, 2])
-    'beams 1 and 3'
-    """
-    names = [str(beam + 1) for beam in beams]
-    if len(names) < 2:
-        return f"beam {''.join(names)}"
-    return f"beams {', '.join(names[:-1])} and {names[-1]}"
 
 
 def listed(values: Iterable[float], form: str = ".2f") -> str:

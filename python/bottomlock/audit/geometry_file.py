@@ -12,7 +12,7 @@ from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
 from bottomlock.io.calibrated_file import ANGLES, Calibrated, calibration_lines
-from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.robust import white_sd
 
 SURE = 5.0
 LEAST_NOISE_MPS = 1e-5
@@ -81,8 +81,7 @@ def _noise(audit: Audit) -> float:
     if audit.assessment.closures:
         found = float(np.median([one.beam_sigma_mps for one in audit.assessment.closures]))
     else:
-        bent = np.diff(readings, n=2, axis=0) / np.sqrt(6.0)
-        found = float(np.mean(sd_about_median(bent, axis=0)))
+        found = float(np.mean(white_sd(readings, 2)))
     resolution = log.beside.get("resolution_mps", 0.0)
     noise = max(found, resolution / math.sqrt(12.0) if isinstance(resolution, float) else 0.0)
     if not noise > LEAST_NOISE_MPS:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.recordings.finding import beam_words
 from bottomlock.recordings.robust import sd_about_median, sd_about_zero
 from bottomlock.recordings.streams import Floats
 
@@ -68,6 +69,17 @@ class Order:
         """Channels with another beam than stated."""
         return tuple(k for k, beam in enumerate(self.beam) if beam != k)
 
+    @property
+    def flipped(self) -> tuple[int, ...]:
+        """Channels of the opposite sign of the stated beam."""
+        return tuple(k for k, sign in enumerate(self.sign) if sign < 0)
+
+    @property
+    def words(self) -> str:
+        """What to change."""
+        parts = ((self.moved, "exchanged"), (self.flipped, "flipped in sign"))
+        return " and ".join(f"{beam_words(beams)} {done}" for beams, done in parts if beams)
+
 
 def orders_by_closure(readings_mps: Floats, stated: Floats, *, signs: bool = True) -> list[Order]:
     """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
@@ -98,6 +110,77 @@ def orders_by_closure(readings_mps: Floats, stated: Floats, *, signs: bool = Tru
         if np.isfinite(spread):
             found.append(Order(beam, sign, count, spread))
     return sorted(found, key=lambda one: (round(one.closure_mps, 9), one.steps))
+
+
+ALIKE = 1.1
+"""Orders whose closures differ by less than this factor are told apart by nothing."""
+MOST = 6
+"""Orders that are named."""
+BIAS = 0.5
+"""Closure of the best order over the scatter of the stated one's from which a bias may be the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reordered:
+    """Orders in which the beams close far better than as stated.
+
+    A wrong order gives a steady course a constant closure, as a bias in the stated order does: where the closure of the
+    stated order scatters about its median as little as the best closes, the two cannot be told apart.
+
+    Attributes:
+        pings: with every beam.
+        orders: the simplest of those that close best.
+        plain_mps, scatter_mps: closure as stated, about zero and about its median.
+    """
+
+    pings: int
+    orders: list[Order]
+    plain_mps: float
+    scatter_mps: float
+
+    @property
+    def best_mps(self) -> float:
+        """Closure of the best order."""
+        return self.orders[0].closure_mps
+
+    @property
+    def ratio(self) -> float:
+        """How many times better the beams close."""
+        return self.plain_mps / max(self.best_mps, 1e-12)
+
+    @property
+    def or_bias(self) -> bool:
+        """A bias explains it as well."""
+        return BIAS * self.scatter_mps < self.best_mps
+
+    @property
+    def moved(self) -> list[int]:
+        """Channels of any of the orders with another beam or sign than stated."""
+        return sorted({k for one in self.orders for k in (*one.moved, *one.flipped)})
+
+    @property
+    def words(self) -> str:
+        """What to change, in one way or another."""
+        return "; or ".join(one.words for one in self.orders[:MOST])
+
+
+def find_order(
+    readings_mps: Floats, stated: Floats, *, better: float, least_mps: float, signs: bool = True
+) -> Reordered | None:
+    """The simplest orders in which full pings (n, B) close far better than in the stated one, if any.
+
+    Args:
+        readings_mps, stated, signs: of `orders_by_closure`.
+        better: largest closure of another order over that of the stated one.
+        least_mps: smaller closures are right.
+    """
+    orders = orders_by_closure(readings_mps, stated, signs=signs)
+    plain, best = next(one for one in orders if not one.steps).closure_mps, orders[0].closure_mps
+    if best > better * plain or plain < least_mps:
+        return None
+    equal = [one for one in orders if one.closure_mps < ALIKE * best]
+    simple = [one for one in equal if one.steps == min(other.steps for other in equal)]
+    return Reordered(len(readings_mps), simple, plain, closure_sd(stated, readings_mps, biased=True))
 
 
 def _swapped(order: Sequence[int], pair: tuple[int, int]) -> tuple[int, ...]:

@@ -56,6 +56,18 @@ class Finding:
         }  # fmt: skip
 
 
+def beam_words(beams: Iterable[int]) -> str:
+    """Names of beams by their number from 0.
+
+    >>> beam_words([0, 2])
+    'beams 1 and 3'
+    """
+    names = [str(beam + 1) for beam in beams]
+    if len(names) < 2:
+        return f"beam {''.join(names)}"
+    return f"beams {', '.join(names[:-1])} and {names[-1]}"
+
+
 def ranked(findings: Iterable[Finding]) -> list[Finding]:
     """Faults first, then warnings, then notes; within each the weightiest first."""
     return sorted(

@@ -1,5 +1,6 @@
 """Robust standard deviations: 1.4826 times a median, which is the standard deviation of Gaussian values."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,18 @@ def sd_about_median(values: ArrayLike, *, axis: int | None = None) -> NDArray[np
     if not numbers.size:
         return sd_about_zero(numbers, axis=axis)
     return sd_about_zero(numbers - np.median(numbers, axis=axis, keepdims=True), axis=axis)
+
+
+def white_sd(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """(k,) 1 sigma of the white noise of values (n, k), by differences of an order, which leave out what is smooth.
+
+    Of white noise they have the variance of the central binomial coefficient, C(2 order, order), times its own.
+
+    >>> noise = np.random.default_rng(1).normal(size=(5000, 1))
+    >>> [white_sd(noise + np.linspace(0.0, 50.0, 5000)[:, None], order).round(1).item() for order in (1, 2, 3)]
+    [1.0, 1.0, 1.0]
+    """
+    return sd_about_median(np.diff(values, order, axis=0), axis=0) / np.sqrt(math.comb(2 * order, order))
 
 
 Array = NDArray[np.floating[Any]]

@@ -31,9 +31,9 @@ def order_finding(streams: Streams) -> Finding | None:
         return None
     return Finding(
         "beam_order", "fault", float(found.pings) * found.ratio**2,
-        f"The beams do not close as the geometry states, and close {found.ratio:.1f} times better with beams "
-        f"{found.words} exchanged.",
-        f"Robust closure {1e3 * found.stated_mps:.0f} mm/s as stated, {1e3 * found.best_mps:.1f} mm/s after the "
+        f"The beams do not close as the geometry states, and close {found.ratio:.1f} times better with "
+        f"{found.words}.",
+        f"Robust closure {1e3 * found.plain_mps:.0f} mm/s as stated, {1e3 * found.best_mps:.1f} mm/s after the "
         f"change, claimed noise {1e3 * claimed:.1f} mm/s; {found.pings} pings of all beams.",
         "Correct the geometry of the DVL or the order of the columns; `bottomlock audit` tells more.", "dvl.geometry",
     )  # fmt: skip

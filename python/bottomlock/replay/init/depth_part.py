@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import detrend
 
-from bottomlock.recordings.robust import sd_about_zero
+from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, pressure_unit
@@ -116,9 +116,8 @@ def guess_depth(found: Found, imu: ImuPart, offset: Guess) -> DepthPart | None:
                 value=True, why=f"its median is {np.nanmedian(values):.3g}, below the surface: positive up"
             )
             metres = -metres
-    good = metres[np.isfinite(metres)]
-    second = good[2:] - 2.0 * good[1:-1] + good[:-2]
-    sd = float(sd_about_zero(second)) / np.sqrt(6.0) if len(second) else 0.0
+    good = metres[np.isfinite(metres), None]
+    sd = float(white_sd(good, 2)[0]) if len(good) > 2 else 0.0
     clock = times + round(offset.value * 1e9)
     used = np.isfinite(metres) & rising(clock)
     waves = None

@@ -13,6 +13,7 @@ from bottomlock.errors import DataError
 from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry
+from bottomlock.recordings.closure import Reordered
 from bottomlock.recordings.rig_fit import Match
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
 from bottomlock.recordings.streams import Floats, Integers
@@ -22,7 +23,6 @@ from bottomlock.replay.init.entries import Entry
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.motion.pings import (
-    BetterOrder,
     PingNoise,
     beam_noise,
     better_order,
@@ -146,12 +146,12 @@ def dvl_of_recording(recording: Recording, log: Path | None) -> DvlPart:
     if order is None:
         return part
     return part.saying(
-        "file", f"the beams are in the order of the geometry, and close {order.ratio:.1f} times better with beams "
-        f"{order.words} exchanged", "instrument",
+        "file", f"the beams are in the order of the geometry, and close {order.ratio:.1f} times better with "
+        f"{order.words}", "instrument",
     )  # fmt: skip
 
 
-def _better_order(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> BetterOrder | None:
+def _better_order(geometry: BeamGeometry, claimed: Floats, table: BeamTable) -> Reordered | None:
     return better_order(
         np.asarray(geometry.directions_p), table.velocity_mps, table.valid, float(np.mean(claimed))
     )

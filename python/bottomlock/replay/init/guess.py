@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.recordings.rig_motion import integrate
-from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.init.entries import Entry
 from bottomlock.units import STANDARD_GRAVITY_MPS2
@@ -178,9 +178,7 @@ def angle_unit(angle: Floats, hint: str) -> Guess:
 def white_noise(time_ns: Integers, values: Floats) -> float:
     """Noise of readings, unit/√Hz·√s, from their second differences; the motion's vibration is in it."""
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
-    second = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    sd = sd_about_median(second, axis=0) / np.sqrt(6.0)
-    return float(np.max(sd) * np.sqrt(step_s))
+    return float(np.max(white_sd(values, 2)) * np.sqrt(step_s))
 
 
 def round_up(value: float) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
-from bottomlock.recordings.robust import sd_about_median
+from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, angle_unit
@@ -99,8 +99,7 @@ def guess_positions(found: Found, pings_ns: Integers, offset: Guess) -> Position
         place = tangent_from_geodetic(place[:, 0], place[:, 1], np.zeros(len(place)), Place(*first, 0.0))[
             :, :2
         ]
-    third = place[3:] - 3.0 * place[2:-1] + 3.0 * place[1:-2] - place[:-3]
-    scatter = float(np.max(sd_about_median(third, axis=0))) / np.sqrt(20.0) if len(third) > 8 else 0.0
+    scatter = float(np.max(white_sd(place, 3))) if len(place) > 11 else 0.0
     steps = [np.diff(np.unique(place[:, k].round(3))) for k in range(2)]
     least = [float(x.min()) for x in steps if x.size]
     gaps_s = np.diff(own) * 1e-9

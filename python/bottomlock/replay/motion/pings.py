@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.recordings.closure import orders_by_closure
+from bottomlock.recordings.closure import Reordered, find_order
 from bottomlock.recordings.noise_growth import Walk, noise_growth
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.robust import sd_about_median
@@ -63,47 +63,19 @@ def ping_velocity(
 
 CLOSES_BETTER = 2.5
 """Exchanged beams are a finding from this ratio of the closures."""
-ALIKE = 1.15
-"""Orders whose closures differ by less than this factor are told apart by nothing."""
 LEAST_PINGS = 30
-
-
-@dataclass(frozen=True)
-class BetterOrder:
-    """Beams that close better in another order.
-
-    Attributes:
-        pings: pings of all beams.
-        stated_mps, best_mps: closure as stated, and of the best order.
-        words: the beams that may be exchanged, where fewest are.
-    """
-
-    pings: int
-    stated_mps: float
-    best_mps: float
-    words: str
-
-    @property
-    def ratio(self) -> float:
-        """How many times better the beams close."""
-        return self.stated_mps / self.best_mps
 
 
 def better_order(
     directions_p: Floats, velocity_mps: Floats, valid: Flags, claimed_mps: float
-) -> BetterOrder | None:
+) -> Reordered | None:
     """Another order of four or five beams in which they close far better; None where the stated one is as good."""
     full = valid.all(axis=1)
     if not 4 <= len(directions_p) <= 5 or full.sum() < LEAST_PINGS:
         return None
-    orders = orders_by_closure(velocity_mps[full], directions_p, signs=False)
-    stated, best = next(one for one in orders if not one.steps).closure_mps, orders[0].closure_mps
-    if stated < CLOSES_BETTER * max(best, 0.5 * claimed_mps):
-        return None
-    moved = [one.moved for one in orders if one.closure_mps < ALIKE * best]
-    fewest = min(map(len, moved))
-    words = (" and ".join(str(k + 1) for k in one) for one in moved if len(one) == fewest)
-    return BetterOrder(int(full.sum()), stated, best, ", or ".join(words))
+    least_mps = 0.5 * CLOSES_BETTER * claimed_mps
+    better = 1.0 / CLOSES_BETTER
+    return find_order(velocity_mps[full], directions_p, better=better, least_mps=least_mps, signs=False)
 
 
 LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
