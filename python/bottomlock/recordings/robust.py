@@ -43,7 +43,8 @@ def white_sd(values: NDArray[np.float64], order: int) -> NDArray[np.float64]:
     >>> [white_sd(noise + np.linspace(0.0, 50.0, 5000)[:, None], order).round(1).item() for order in (1, 2, 3)]
     [1.0, 1.0, 1.0]
     """
-    return sd_about_median(np.diff(values, order, axis=0), axis=0) / np.sqrt(math.comb(2 * order, order))
+    sd = sd_about_median(np.diff(values, order, axis=0), axis=0)
+    return np.asarray(sd / np.sqrt(math.comb(2 * order, order)))
 
 
 Array = NDArray[np.floating[Any]]

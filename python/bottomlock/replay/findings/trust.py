@@ -183,8 +183,8 @@ OF_FILTERS_ALONE = {
 """Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
 
 UNSHOWN = {"depth_sign", "depth_scale", "gyro_sign"}
-"""Causes that agreement with dead reckoning does not clear: a horizontal track shows no depth, and dead reckoning has the
-clock and frames of the attitude that gyros with a wrong sign told."""
+"""Causes that agreement with dead reckoning does not clear: no depth shows in a horizontal track, and clock and frames
+of the attitude were told by those gyros."""
 NOTHING = "Nothing."
 
 
