@@ -152,8 +152,9 @@ impl Eskf {
         };
         let block = measured_block(sensor);
         let measured = observed(innovation, block);
-        let is_velocity_open =
-            || !self.has_velocity_since(sensor) || self.is_beyond_linear_range() || self.is_moving(innovation, sensor);
+        let since_ns = self.rejected_since_ns(sensor);
+        let has_velocity = self.measured.velocity_ns.is_some_and(|time_ns| time_ns >= since_ns);
+        let is_velocity_open = || !has_velocity || self.is_beyond_linear_range() || self.is_moving(innovation, sensor);
         if quantity == Quantity::Position && innovation.rows == 3 && is_velocity_open() {
             return Charged {
                 measured,

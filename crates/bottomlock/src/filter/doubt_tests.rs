@@ -29,23 +29,25 @@ fn filter() -> Eskf {
     filter
 }
 
-/// A velocity at a time; the verdict, and the factor of an inflation.
-fn push(filter: &mut Eskf, at_s: i64, reading_mps: [f64; 3]) -> (Verdict, Option<f64>) {
+/// A reading at a time; the verdict, and the factor of an inflation.
+fn judged(filter: &mut Eskf, at_s: i64, sensor: Sensor, of: impl Fn(&Eskf) -> Innovation) -> (Verdict, Option<f64>) {
     filter.state.time_ns = at_s * S;
-    let of = |filter: &Eskf| {
-        velocity(
-            &filter.state(),
-            &Vec3::from_array(reading_mps),
-            &(Matrix3::identity() * 0.0025),
-        )
-    };
-    let report = filter.update(&of(filter), Sensor::Velocity).unwrap();
+    let report = filter.update(&of(filter), sensor).unwrap();
     if report.verdict != Verdict::Rejected {
-        filter.note_accepted(Sensor::Velocity);
+        filter.note_accepted(sensor);
         return (report.verdict, None);
     }
-    let charge = filter.note_rejected(&of(filter), Sensor::Velocity, true).unwrap();
+    let is_confirmed = sensor == Sensor::Velocity;
+    let charge = filter.note_rejected(&of(filter), sensor, is_confirmed).unwrap();
     (report.verdict, charge.and_then(|charge| charge.factor))
+}
+
+/// A velocity, judged.
+fn push(filter: &mut Eskf, at_s: i64, reading_mps: [f64; 3]) -> (Verdict, Option<f64>) {
+    judged(filter, at_s, Sensor::Velocity, |filter| {
+        let noise = Matrix3::identity() * 0.0025;
+        velocity(&filter.state(), &Vec3::from_array(reading_mps), &noise)
+    })
 }
 
 fn velocity_covariance(filter: &Eskf) -> Matrix3<f64> {
@@ -171,27 +173,13 @@ fn an_outlier_does_not_end_a_doubt() {
     assert_eq!((run.doubtful, run.since_ns), (1, 8));
 }
 
-/// A fix at a time, with noise of 1 m, beside a velocity accepted then; the verdict, and the factor of an inflation.
+/// A fix with noise of 1 m, beside a velocity accepted then, judged.
 fn push_fix(filter: &mut Eskf, at_s: i64, reading_m: [f64; 3]) -> (Verdict, Option<f64>) {
-    filter.state.time_ns = at_s * S;
     filter.measured.velocity_ns = Some(at_s * S);
-    let of = |filter: &Eskf| {
-        position(
-            &Motion::still(&filter.state()),
-            &Vec3::from_array(reading_m),
-            &[1.0; 3],
-            &Vec3::from_array([0.0; 3]),
-        )
-    };
-    let report = filter.update(&of(filter), Sensor::AcousticPosition).unwrap();
-    if report.verdict != Verdict::Rejected {
-        filter.note_accepted(Sensor::AcousticPosition);
-        return (report.verdict, None);
-    }
-    let charge = filter
-        .note_rejected(&of(filter), Sensor::AcousticPosition, false)
-        .unwrap();
-    (report.verdict, charge.and_then(|charge| charge.factor))
+    judged(filter, at_s, Sensor::AcousticPosition, |filter| {
+        let fix = Vec3::from_array(reading_m);
+        position(&Motion::still(&filter.state()), &fix, &[1.0; 3], &Vec3::zeros())
+    })
 }
 
 /// Fixes 50 m off are believed once they have lasted as long as those accepted before, the third of them at the earliest, and after

@@ -26,10 +26,10 @@
 //! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
 //! some of them may be right. After [`LONGEST_DOUBT_NS`] either is used.
 //!
-//! Nor do the angles jump, which the gyros know, nor a position beside accepted velocities: either the readings of before were
-//! wrong or these are, compasses near iron and fixes by an echo among them. They are used once they have lasted as long as those
-//! of before, after [`LONGEST_DOUBT_OF_A_JUMP_NS`] at most. The covariance stays, since the motion since is known as well as it claims.
-//! Of angles this holds beyond five sigma; a fix whose difference does not move is no evidence of less either.
+//! An angle does not jump, since the gyros would show it, nor does a position beside accepted velocities. Where readings of them do,
+//! these are wrong (a compass near iron, fixes by an echo) or those accepted before were. They are used once they have lasted as
+//! long as those before, after [`LONGEST_DOUBT_OF_A_JUMP_NS`] at most; the covariance stays as it is. An angle is doubted beyond five
+//! sigma, a fix at any size unless its difference moves, which shows a wrong velocity.
 
 use nalgebra::Vector3;
 
@@ -42,7 +42,7 @@ use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, POSITION, VELOCITY};
 use crate::state::Covariance;
 
-/// Time from the first reading after a jump after which they are used, however long those before it had lasted.
+/// Time from the first reading after a jump to the use of such readings, however long those before it had lasted.
 const LONGEST_DOUBT_OF_A_JUMP_NS: i64 = 300_000_000_000;
 
 /// Part of the variance of a doubted difference that is left where nothing has shown which is right.
@@ -179,19 +179,13 @@ impl Eskf {
     }
 
     /// Time of the first of a run of rejections, now where there is none.
-    fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
+    pub(super) fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
         let run = self.run(sensor);
         if run.is_empty() {
             self.state.time_ns
         } else {
             run.since_ns
         }
-    }
-
-    /// Whether a velocity was accepted since the first of a run of rejections.
-    pub(super) fn has_velocity_since(&self, sensor: Sensor) -> bool {
-        let since_ns = self.rejected_since_ns(sensor);
-        self.measured.velocity_ns.is_some_and(|time_ns| time_ns >= since_ns)
     }
 
     /// Whether what a run of positions shows moves by more than the velocity's covariance and the noise of two readings allow.
@@ -213,8 +207,10 @@ impl Eskf {
         &mut self.evidence.0[sensor as usize]
     }
 
-    /// Counts a rejected reading with this innovation; returns what has become uncertain by the run that it completes. Of a velocity
-    /// that was confirmed what goes beyond five sigma is doubted.
+    /// Counts a rejected reading with this innovation; returns what has become uncertain by the run that it completes.
+    ///
+    /// `is_confirmed`: of a velocity, whether what it shows beyond five sigma is doubted; an angle or a fix is confirmed by what was
+    /// accepted of it before.
     ///
     /// # Errors
     /// [`NavError::NotFinite`] for an innovation that is not finite.
