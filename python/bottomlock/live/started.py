@@ -22,7 +22,7 @@ from bottomlock.live.estimator import BEAM_SENSORS, Closure
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
-from bottomlock.live.states import Contradictions, Reasons, contradictions
+from bottomlock.live.states import Contradictions, Reasons, contradictions, grave
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -235,9 +235,9 @@ class StartedNavigator:
     def warnings(self) -> list[str]:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
         ratios = self._closure.ratio, self._closure.own_ratio
-        longest, limits = self._others.longest, StatesSection()
-        others = [] if longest is None or not longest.is_grave(limits) else [str(longest)]
-        return contradictions(self._rejected, *ratios, limits) + others
+        limits = StatesSection()
+        other = grave(self._others.longest, limits)
+        return contradictions(self._rejected, *ratios, limits) + ([] if other is None else [str(other)])
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

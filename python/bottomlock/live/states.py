@@ -47,22 +47,25 @@ class Contradiction:
         """The sensor in words."""
         return self.sensor.replace("_", " ")
 
-    def is_grave(self, limits: StatesSection) -> bool:
-        """Whether it is longer than chance and than the time that a state takes to settle."""
-        return self.readings >= limits.rejected_pings and self.lasted_ns >= ns_from_s(limits.settle_s)
-
     def __str__(self) -> str:
         return f"{self.words} has contradicted the estimate for {self.lasted_ns * 1e-9:.0f} s"
 
 
+def grave(contradiction: Contradiction | None, limits: StatesSection) -> Contradiction | None:
+    """The contradiction; None without one, and where it may be chance or is shorter than a state takes to settle."""
+    if contradiction is None or contradiction.readings < limits.rejected_pings:
+        return None
+    return contradiction if contradiction.lasted_ns >= ns_from_s(limits.settle_s) else None
+
+
 class Contradictions:
-    """The readings of each of `REFERENCES` that were rejected since its last that was not."""
+    """Runs of rejected readings of each of `REFERENCES`; one that is not rejected ends its run."""
 
     def __init__(self) -> None:
         self._runs: dict[str, tuple[int, int, int]] = {}
 
     def take(self, report: Report) -> None:
-        """Counts a report; those of other sensors, and revised ones, say nothing."""
+        """Counts a report; those of other sensors and revised ones do not count."""
         if report.sensor not in REFERENCES or report.revised:
             return
         if report.verdict == "rejected":
@@ -73,7 +76,7 @@ class Contradictions:
 
     @property
     def longest(self) -> Contradiction | None:
-        """That which has lasted longest; None without any."""
+        """The run that has lasted longest; None without any."""
         runs = [
             Contradiction(sensor, count, last - since) for sensor, (since, count, last) in self._runs.items()
         ]
@@ -105,7 +108,7 @@ class Facts:
         fault: why the estimate cannot be used at all; "" if it can.
         water_age_ns: since all directions of the velocity through the water were last measured; None without such.
         imu_fault: why the last inertial reading was rejected; "" if it was not.
-        contradiction: of another sensor, that which has lasted longest.
+        contradiction: the longest of another sensor, as `Contradictions.longest`.
     """
 
     now_ns: int
@@ -155,8 +158,9 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
-    if facts.contradiction is not None and facts.contradiction.is_grave(limits):
-        return "PARTIAL", str(facts.contradiction)
+    contradiction = grave(facts.contradiction, limits)
+    if contradiction is not None:
+        return "PARTIAL", str(contradiction)
     return "OK", "beams determine the whole velocity"
 
 
@@ -199,7 +203,8 @@ class StateMachine:
     """The state with its hysteresis: the worst that was judged within the last `settle_s`.
 
     After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a
-    shoal or a vessel, and the filter follows it once its gate opens. After another sensor that did it stays PARTIAL.
+    shoal or a vessel, and the filter follows it once its gate opens. After another sensor contradicted it, it stays
+    PARTIAL as long.
 
     Attributes:
         state: now.
@@ -225,8 +230,9 @@ class StateMachine:
             return self.state
         if facts.rejected >= self.limits.rejected_pings:
             self._contradicted["UNSAFE"] = facts.now_ns, "pings"
-        if facts.contradiction is not None and facts.contradiction.is_grave(self.limits):
-            self._contradicted["PARTIAL"] = facts.now_ns, facts.contradiction.words
+        contradiction = grave(facts.contradiction, self.limits)
+        if contradiction is not None:
+            self._contradicted["PARTIAL"] = facts.now_ns, contradiction.words
         for state, (at_ns, who) in self._contradicted.items():
             is_recent = facts.now_ns - at_ns < ns_from_s(self.limits.agree_s)
             if is_recent and ORDER.index(state) > ORDER.index(asked):
