@@ -203,7 +203,7 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
         ) from error
 
 
-def _utf8(data: bytes) -> bytes:
+def utf8(data: bytes) -> bytes:
     """Text that begins with a byte order mark as UTF-8 without it; other bytes as they are."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "ignore").encode()
@@ -224,7 +224,7 @@ def _objects_in_lines(data: bytes) -> bytes:
 def _head(path: Path) -> bytes:
     try:
         with path.open("rb") as stream:
-            return _utf8(stream.read(_HEAD))
+            return utf8(stream.read(_HEAD))
     except OSError as error:
         raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
 
@@ -267,4 +267,4 @@ def _read_as(place: Path, name: str, options: Options) -> Recording:
     (by_bytes,) = (one for one in BYTES if one.name == name)
     if place.is_dir():
         raise DataError("is a folder", place=place, expected="a file")
-    return by_bytes.read(_objects_in_lines(_utf8(content(place, _TIMES_ITS_SIZE))), str(place), options)
+    return by_bytes.read(_objects_in_lines(utf8(content(place, _TIMES_ITS_SIZE))), str(place), options)

@@ -1,6 +1,8 @@
 """Text tables as loggers write them: separators, comment lines, rows of units, missing headers, decimal commas."""
 
+import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +11,10 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.files.table_file import check_memory, check_regular, read_parquet
+from bottomlock.io.columns import FLAG_WORDS
+from bottomlock.io.formats import utf8
+from bottomlock.io.sentences import printable
+from bottomlock.replay.init.names import named, time_unit
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 _HEAD = 65_536
@@ -77,24 +83,25 @@ def read_any_table(path: Path) -> AnyTable:
     check_regular(path)
     check_memory(path, _TIMES_ITS_SIZE * path.stat().st_size)
     try:
-        raw = path.read_bytes()
+        written = path.read_bytes()
     except OSError as error:
         raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
+    raw = utf8(written)
     if b"\0" in raw[:_HEAD]:
         raise DataError("holds binary data of no known format", place=path)
     try:
-        text, latin = raw.decode("utf-8-sig"), False
+        text, plain = raw.decode("utf-8"), written.endswith(raw)
     except UnicodeDecodeError:
-        text, latin = raw.decode("latin-1"), True
-    return _read_text(path, text, plain=not latin)
+        text, plain = raw.decode("latin-1"), False
+    return _read_text(path, text, plain=plain)
 
 
 def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
     lines = text.splitlines()
     rows = [k for k, line in enumerate(lines[:400]) if line.strip()]
     data = [k for k in rows if not lines[k].lstrip().startswith(_COMMENTS)]
-    separator = _separator([lines[k] for k in data[:60]])
-    if separator is None or len(data) < 2:
+    cut = _separator([lines[k] for k in data[:60]])
+    if cut is None or len(data) < 2:
         raise DataError(
             (
                 "is in no format that `bottomlock convert` knows and is no table: expected two or "
@@ -102,51 +109,79 @@ def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
             ),
             place=path,
         )
-    header, first_row = _header(path, lines, rows, data, separator)
+    separator, width = cut
+    names_at, units_at, first_row = _head_lines(lines, data, separator, width)
+    header = _header(path, lines, rows, names_at, first_row, separator, width)
     units: dict[str, str] = {}
-    body_cells = _cells(lines[first_row], separator)
-    next_rows = [k for k in data if k > first_row]
-    if next_rows and not _has_number(body_cells) and _has_number(_cells(lines[next_rows[0]], separator)):
-        units = {name: cell.strip("[]() ") for name, cell in zip(header, body_cells, strict=False)}
-        first_row = next_rows[0]
-    comments = [lines[k] for k in rows if k > first_row and lines[k].lstrip().startswith(_COMMENTS)]
-    frame = _frame(path, lines[first_row:], header, separator)
+    if units_at is not None:
+        cells = _cells(lines[units_at], separator)
+        units = {name: cell.strip("[]() ") for name, cell in zip(header, cells, strict=False)}
+    body, left_out = _whole_lines(lines, first_row, names_at, separator, width)
+    frame = _frame(path, body, header, separator)
+    points = not _decimal_comma(frame)
+    frame, no_numbers = _numbers_alone(frame if points else frame.select(pl.all().str.replace(",", ".")))
+    as_it_is = names_at == 0 and first_row == 1 and len(body) == len(lines) - 1
     simple = (
-        plain and separator == "," and first_row == 1 and not comments and not units
-        and _cells(lines[0], separator) == list(header) and not _decimal_comma(frame, separator)
+        plain and separator == "," and as_it_is and points and not no_numbers
+        and lines[0].replace('"', "").split(",") == header
     )  # fmt: skip
-    frame = _points(frame, separator)
     names = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
     words = (
         "" if simple else f"columns are separated by {names[separator]}, data begin at line {first_row + 1}"
     )
-    return AnyTable(path, frame, simple, units, words)
+    return AnyTable(path, frame, simple, units, words, remark="; ".join(filter(None, (left_out, no_numbers))))
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    parts = line.split() if separator == " " else line.split(separator)
+    if separator == " ":
+        parts = line.split()
+    elif '"' in line:
+        parts = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    else:
+        parts = line.split(separator)
     return [part.strip().strip('"').strip() for part in parts]
 
 
-def _separator(lines: list[str]) -> str | None:
-    """The separator that cuts the last lines, which are data, into the same number of cells, two or more.
+def _count(line: str, separator: str) -> int:
+    """Cells of a line."""
+    return line.count(separator) + 1 if separator != " " and '"' not in line else len(_cells(line, separator))
 
-    One that cuts the first line, the header, as often comes before one that does not: a decimal comma cuts data alone.
+
+MOST_LINES = 0.75
+"""Part of the lines that have the cells of a table; the others are damaged, or stand above it."""
+
+
+def _separator(lines: list[str]) -> tuple[str, int] | None:
+    """The separator that cuts most of the last lines, which are data, into a number of cells, two or more; and that.
+
+    One that cuts the line above the data, the header, as often comes before one that does not: a decimal comma cuts
+    data alone.
     """
     if not lines:
         return None
     tail = lines[-max(2, len(lines) // 2) :]
     fitting = []
     for separator in SEPARATORS:
-        counts = {len(_cells(line, separator)) for line in tail}
+        width, often = Counter(_count(line, separator) for line in tail).most_common(1)[0]
+        whole = [line for line in tail if _count(line, separator) == width]
         if (
-            len(counts) == 1
-            and max(counts) > 1
-            and any(_numeric(c) and c for c in _cells(tail[-1], separator))
+            width > 1
+            and often >= MOST_LINES * len(tail)
+            and any(_numeric(c) and c for c in _cells(whole[-1], separator))
         ):
-            fitting.append(separator)
-    agreeing = [one for one in fitting if len(_cells(lines[0], one)) == len(_cells(tail[-1], one))]
+            fitting.append((separator, width))
+    agreeing = [one for one in fitting if _count(_above(lines, *one), one[0]) == one[1]]
     return next(iter([*agreeing, *fitting]), None)
+
+
+def _above(lines: list[str], separator: str, width: int) -> str:
+    """The line above the first one of numbers, or that itself where it is the first of all."""
+    first = next((k for k, line in enumerate(lines) if _is_data(line, separator, width)), 0)
+    return lines[max(first - 1, 0)]
+
+
+def _is_data(line: str, separator: str, width: int) -> bool:
+    return _count(line, separator) == width and _has_number(_cells(line, separator))
 
 
 def _numeric(cell: str) -> bool:
@@ -158,27 +193,50 @@ def _has_number(cells: Sequence[str]) -> bool:
     return any(_numeric(cell) for cell in cells if cell)
 
 
+def _head_lines(
+    lines: list[str], data: list[int], separator: str, width: int
+) -> tuple[int | None, int | None, int]:
+    """The line of names, the line of units below it, and the first line of numbers; None where there is none.
+
+    Of several lines of as many cells above the numbers, the one with the most known names is that of the names.
+    """
+    first = next((k for k in data if _is_data(lines[k], separator, width)), data[-1])
+    above = [k for k in data if k < first and _count(lines[k], separator) == width]
+    if not above:
+        return None, None, first
+    known = {
+        k: sum(named(one) is not None or time_unit(one) is not None for one in _cells(lines[k], separator))
+        for k in above
+    }
+    names_at = max(above, key=lambda k: known[k])
+    return names_at, next((k for k in above if k > names_at), None), first
+
+
 def _header(
-    path: Path, lines: list[str], rows: list[int], data: list[int], separator: str
-) -> tuple[list[str], int]:
-    """Names of the columns, and the line where what is below them begins.
+    path: Path,
+    lines: list[str],
+    rows: list[int],
+    names_at: int | None,
+    first: int,
+    separator: str,
+    width: int,
+) -> list[str]:
+    """Names of the columns.
 
     Raises:
-        DataError: where neither the first line nor a comment above it names them.
+        DataError: where neither a line above the numbers nor a comment there names them.
     """
-    width = len(_cells(lines[data[-1]], separator))
-    first = next((k for k in data if len(_cells(lines[k], separator)) == width), data[0])
-    cells = _cells(lines[first], separator)
-    if not _has_number(cells):
-        return _unique(cells), next((k for k in rows if k > first), first)
+    if names_at is not None:
+        return _unique(_cells(lines[names_at], separator))
     above = [k for k in rows if k < first]
     if above:
         bare = lines[above[-1]].lstrip().lstrip("#%/").strip()
-        named = _cells(bare, separator)
-        if len(named) != width and separator == ",":
-            named = bare.split()
-        if len(named) == width and not _has_number(named):
-            return _unique(named), first
+        found = _cells(bare, separator)
+        if len(found) != width and separator == ",":
+            found = bare.split()
+        if len(found) == width and not _has_number(found):
+            return _unique(found)
+    cells = _cells(lines[first], separator)
     shown = ", ".join([*cells[:8], *(["..."] if width > 8 else [])])
     raise DataError(
         f"names none of its {width} columns; the first row is {shown}",
@@ -186,6 +244,28 @@ def _header(
         expected="a line of their names above the numbers",
         hint=NAMES,
     )
+
+
+FEW_SHORT = 0.05
+"""Part of the lines with fewer cells than the others up to which they are damaged; more leave out empty cells."""
+
+
+def _whole_lines(
+    lines: list[str], first_row: int, names_at: int | None, separator: str, width: int
+) -> tuple[list[str], str]:
+    """The lines of data, and which are left out: damaged ones, and the names once more."""
+    names = "" if names_at is None else lines[names_at]
+    below = [
+        (k, line) for k, line in enumerate(lines[first_row:], first_row + 1)
+        if line.strip() and not line.lstrip().startswith(_COMMENTS)
+    ]  # fmt: skip
+    short = [k for k, line in below if _count(line, separator) < width]
+    damaged = set(short) if len(short) <= max(FEW_SHORT * len(below), 1) else set()
+    damaged |= {k for k, line in below if line == names}
+    if not damaged:
+        return [line for _, line in below], ""
+    words = f"{len(damaged)} lines are cut off or repeat the names, the first of them line {min(damaged)}"
+    return [line for k, line in below if k not in damaged], f"{words}: they are left out"
 
 
 def _unique(names: list[str]) -> list[str]:
@@ -196,8 +276,7 @@ def _unique(names: list[str]) -> list[str]:
     return found
 
 
-def _frame(path: Path, lines: list[str], header: list[str], separator: str) -> pl.DataFrame:
-    kept = [line for line in lines if line.strip() and not line.lstrip().startswith(_COMMENTS)]
+def _frame(path: Path, kept: list[str], header: list[str], separator: str) -> pl.DataFrame:
     if separator == " ":
         kept, separator = [",".join(line.split()) for line in kept], ","
     body = "\n".join(kept) + "\n"
@@ -220,10 +299,27 @@ def _frame(path: Path, lines: list[str], header: list[str], separator: str) -> p
     return frame.select(pl.all().str.strip_chars().str.strip_chars('"'))
 
 
-def _decimal_comma(frame: pl.DataFrame, separator: str) -> bool:
+def _decimal_comma(frame: pl.DataFrame) -> bool:
+    """Whether the first row has a number with a comma, which separates no columns: then it is quoted."""
     first = [cell or "" for cell in frame.row(0)]
-    return separator != "," and any(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", cell) for cell in first)
+    return any(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", cell) for cell in first)
 
 
-def _points(frame: pl.DataFrame, separator: str) -> pl.DataFrame:
-    return frame.select(pl.all().str.replace(",", ".")) if _decimal_comma(frame, separator) else frame
+def _numbers_alone(frame: pl.DataFrame) -> tuple[pl.DataFrame, str]:
+    """The table without words for "no reading" in its columns of numbers, and what they are."""
+    said = []
+    for name in frame.columns:
+        text = frame[name].str.to_lowercase().replace(FLAG_WORDS)
+        filled = text.is_not_null() & (text != "")
+        words = filled & text.cast(pl.Float64, strict=False).is_null()
+        if not words.any() or int(words.sum()) > 0.5 * int(filled.sum()):
+            continue
+        said.append(
+            f"{words.sum()} cells of {name} are no numbers ('{printable(frame[name].filter(words)[0])}')"
+        )
+        frame = frame.with_columns(pl.when(words).then(None).otherwise(pl.col(name)).alias(name))
+    return frame, "; ".join(said[:MOST_SAID]) + (": they count as empty" if said else "")
+
+
+MOST_SAID = 3
+"""Columns with words that are named."""

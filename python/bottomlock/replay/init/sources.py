@@ -262,7 +262,7 @@ def _table(one: AnyTable) -> Sources:
     if columns is not None:
         recording = table.read_frame(columns.frame, columns.columns, str(path))
         beams = _recorded(path, replace(recording, notes=[*recording.notes, columns.why]))
-        words = [*beams.words, f"{path.name}: {columns.why}"]
+        words = [*beams.words, "; ".join(filter(None, (f"{path.name}: {columns.why}", one.remark)))]
     streams = [
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]

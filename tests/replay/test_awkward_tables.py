@@ -1,0 +1,81 @@
+"""Tables as loggers, spreadsheets and cut-off downloads leave them: what is read, and what is said of the rest."""
+
+from pathlib import Path
+
+import pytest
+
+from bottomlock.errors import DataError
+from bottomlock.replay.init.any_table import AnyTable, read_any_table
+
+ROWS = [(f"{1_764_000_000 + 0.25 * k:.2f}", f"{0.5 + 0.01 * k:.3f}", "-0.125") for k in range(40)]
+NAMES = ("time_s", "vx", "vy")
+PLAIN = "\n".join(",".join(row) for row in (NAMES, *ROWS)) + "\n"
+
+
+def read(path: Path, content: str | bytes) -> AnyTable:
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read_any_table(path)
+
+
+def lines(text: str, *further: str, at: int) -> str:
+    rows = text.splitlines()
+    return "\n".join([*rows[:at], *further, *rows[at:]]) + "\n"
+
+
+QUOTED = "\n".join(",".join(f'"{cell.replace(".", ",")}"' for cell in row) for row in (NAMES, *ROWS))
+
+
+@pytest.mark.parametrize(
+    ("content", "rows", "said"),
+    [
+        (PLAIN.encode("utf-16"), 40, ""),
+        (PLAIN.replace(",", ", "), 40, ""),
+        (QUOTED, 40, ""),
+        ("Logger v2.1\nSerial: 7, port 3, firmware 5\n\n" + PLAIN, 40, ""),
+        (PLAIN[:-9], 39, "1 lines are cut off or repeat the names, the first of them line 41: they are left out"),
+        (lines(PLAIN, "$$#%&!!", at=20), 40, "line 21"),
+        (lines(PLAIN, ",".join(NAMES), at=20), 40, "line 21"),
+        (PLAIN.replace("0.600,", "N/A,"), 40, "1 cells of vx are no numbers ('N/A')"),
+    ],
+    ids=["UTF-16", "comma and space", "quoted decimal commas", "lines above", "cut off", "garbage", "names", "N/A"],
+)  # fmt: skip
+def test_is_read_and_written_again(tmp_path: Path, content: str | bytes, rows: int, said: str) -> None:
+    """A replay's reader takes none of them as it is, so that the case needs a table of its own."""
+    table = read(tmp_path / "dvl.csv", content)
+    assert table.frame.shape == (rows, 3)
+    assert tuple(table.frame.columns) == NAMES
+    assert table.frame["vy"].unique().to_list() == ["-0.125"]
+    assert table.frame["vx"][1] == "0.510"
+    assert not table.plain
+    assert said in table.remark
+    assert bool(said) == bool(table.remark)
+
+
+@pytest.mark.parametrize(
+    "content", [PLAIN, "\ufeff" + PLAIN, PLAIN.replace("0.600,", "NaN,"), PLAIN.replace("-0.125", "")]
+)
+def test_is_taken_as_it_is(tmp_path: Path, content: str) -> None:
+    table = read(tmp_path / "dvl.csv", content)
+    assert table.plain
+    assert not table.remark
+
+
+def test_lines_without_their_last_cells_are_no_damage(tmp_path: Path) -> None:
+    """A logger that writes no separator behind its last value does so in many lines."""
+    rows = [line.rpartition(",")[0] if k % 5 == 2 else line for k, line in enumerate(PLAIN.splitlines())]
+    table = read(tmp_path / "dvl.csv", "\n".join(rows))
+    assert table.frame.height == 40
+    assert table.frame["vy"].null_count() == 8
+    assert not table.remark
+
+
+def test_words_are_no_numbers_of_a_column_of_words(tmp_path: Path) -> None:
+    text = "\n".join(f"{line},{'mode' if not k else 'AUTO'}" for k, line in enumerate(PLAIN.splitlines()))
+    table = read(tmp_path / "dvl.csv", text)
+    assert table.frame["mode"].unique().to_list() == ["AUTO"]
+    assert table.plain
+
+
+def test_no_line_of_names_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="names none of its 3 columns"):
+        read(tmp_path / "dvl.csv", PLAIN.partition("\n")[2])
