@@ -11,7 +11,7 @@ import numpy as np
 
 import bottomlock
 from bottomlock.observability.analysis import Aiding, describe, deviations, observe
-from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
 
 janus = bottomlock.BeamGeometry.janus(np.deg2rad(20.0))
 aidings = {

@@ -13,7 +13,7 @@ import polars as pl
 import bottomlock
 from bottomlock.observability.analysis import Aiding
 from bottomlock.observability.report import manoeuvre_ranking
-from bottomlock.truth.manoeuvres import MANOEUVRES
+from bottomlock.simulation.manoeuvres import MANOEUVRES
 
 for manoeuvre in MANOEUVRES.values():
     print(f"{manoeuvre.name:14} {manoeuvre.words}")

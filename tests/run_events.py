@@ -17,7 +17,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.kernel.models import DvlModel, WaterTrackModel
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 Floats = NDArray[np.float64]
 _VELOCITY = slice(6, 9)

@@ -107,10 +107,10 @@ def with_downloads(script: Path, text: str) -> str:
 
 
 def tables(root: Path = ROOT) -> str:
-    """Columns, types and meanings of every table: a section a file of the package's `tables`."""
+    """Columns, types and meanings of every table: a section a file of the package's `files`."""
     parts: list[str] = []
     package = root / "python"
-    for path in sorted((package / "bottomlock" / "tables").glob("*.py")):
+    for path in sorted((package / "bottomlock" / "files").glob("*.py")):
         module = importlib.import_module(".".join(path.relative_to(package).with_suffix("").parts))
         body = ast.parse(path.read_text(encoding="utf-8")).body
         found = [part for one, after in pairwise(body) for part in _table(module, one, after)]

@@ -7,7 +7,7 @@
 A table is a Parquet file whose metadata say what it is: `title`, `text`, `place` (its order on the page), `command`,
 `commit`, `date`; columns of the last three names do, too. A table that is not shown as it is names in `index` the
 columns of its rows on the page, in `on` the column whose values become columns, and in `values` what stands in the
-cells; `count` names two columns whose combinations are counted. The table of a study (`tables.studies.STUDY`) is summed
+cells; `count` names two columns whose combinations are counted. The table of a study (`files.columns.STUDY`) is summed
 by method where it has more than `MOST_ROWS` rows.
 """
 
@@ -25,12 +25,11 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.pages.pieces import number
+from bottomlock.files.columns import PUBLISHED, STUDY, check
 from bottomlock.report import advice
 from bottomlock.report.advice import standing
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
-from bottomlock.tables.check import check
-from bottomlock.tables.studies import PUBLISHED, STUDY
+from bottomlock.text import number
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA, PAGE = ROOT / "data" / "evidence", ROOT / "docs" / "evidence.md"
@@ -186,7 +185,7 @@ def _markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def verdicts(table: pl.DataFrame, world: str) -> pl.DataFrame:
-    """The verdicts of a study, `tables.studies.PUBLISHED`."""
+    """The verdicts of a study, `files.columns.PUBLISHED`."""
     return table.with_columns(pl.lit(world).alias("world")).select(list(PUBLISHED))
 
 

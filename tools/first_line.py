@@ -49,10 +49,10 @@ from rich.table import Table
 
 import bottomlock
 from bottomlock.errors import BottomlockError
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
-from bottomlock.tables.replay import ReplayTables
 from tools.first_line_rows import Floats, Row, Truth, absent, local, rows
 
 SIGMAS, OF_RECKONED, OF_DISTANCE, COVERED = 2.5, 1.25, 0.005, 0.85

@@ -80,12 +80,12 @@ if TYPE_CHECKING:
     )
     from bottomlock.replay.open_log import Log, open_log
     from bottomlock.replay.shown_replay import Replay, run_replay
+    from bottomlock.simulation.analytic import analytic_truth
     from bottomlock.simulation.build import Simulation, build_simulation
     from bottomlock.simulation.measurement_schedule import measurement_schedule
+    from bottomlock.simulation.path import truth_from_path
     from bottomlock.simulation.sensor_streams import sensor_streams
-    from bottomlock.truth.analytic import analytic_truth
-    from bottomlock.truth.path import truth_from_path
-    from bottomlock.truth.truth import Truth
+    from bottomlock.truth import Truth
 
 __all__ = [
     "FIX_METHODS", "METHODS", "AcousticPositionModel", "AcousticPositionReading", "Assumptions",
@@ -135,9 +135,9 @@ _LAZY = {
         "simulation.build": "Simulation build_simulation",
         "simulation.measurement_schedule": "measurement_schedule",
         "simulation.sensor_streams": "sensor_streams",
-        "truth.analytic": "analytic_truth",
-        "truth.path": "truth_from_path",
-        "truth.truth": "Truth",
+        "simulation.analytic": "analytic_truth",
+        "simulation.path": "truth_from_path",
+        "truth": "Truth",
     }.items()
     for name in names.split()
 }

@@ -8,9 +8,9 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.errors import BottomlockError
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import KIND, TABLES, write_replay
-from bottomlock.tables.replay import ReplayTables
 
 
 def digest_of(folder: Path) -> str:

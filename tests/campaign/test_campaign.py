@@ -10,8 +10,7 @@ from bottomlock.campaign import chunk as chunks
 from bottomlock.campaign.run import CampaignProgress, read_results, run_campaign
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files import atomic_write
-from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, RUNS
-from bottomlock.tables.check import check
+from bottomlock.files.columns import CONSISTENCY, ENSEMBLE, RUNS, check
 from tests.campaign.small_campaign import STEPS_OF_TWO_RUNS, TABLES, short
 
 

@@ -13,10 +13,10 @@ from bottomlock.campaign.chunk import Chunk, ChunkTables, run_chunk
 from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.files.campaign_tables import read_campaign_tables
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.simulation.sensor_streams import sensor_streams
-from bottomlock.tables.results import read_campaign_tables
 
 RECKONING = "dead_reckoning"
 KEYS = {

@@ -150,7 +150,7 @@ def test_workers_of_another_version_are_refused(
 ) -> None:
     """Their bits would differ, and nobody would know."""
     from bottomlock.campaign import dask_engine
-    from bottomlock.tables.versions import bit_versions
+    from bottomlock.files.versions import bit_versions
 
     ours = bit_versions()
     answers = iter([ours | {"kernel_build": "f" * 64}])

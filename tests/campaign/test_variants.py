@@ -9,8 +9,8 @@ import pytest
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.campaign.variants import make_variants, parse_set, run_variants
 from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.files.campaign_tables import campaign_folders
 from bottomlock.report.compare import compare
-from bottomlock.tables.studies import campaign_folders
 from tests.campaign.small_campaign import same_bits, short
 
 GYRO = "imu.gyro_bias_deg_per_h"

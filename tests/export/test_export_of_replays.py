@@ -19,11 +19,11 @@ from bottomlock.errors import DataError, OutputError, ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats, files_of
 from bottomlock.export.replay import export_of_replay, export_replay
 from bottomlock.files.overwriting import Files
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import replay_case, write_replay
-from bottomlock.tables.replay import ReplayTables
 from tests.cli.calls import command
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive

@@ -9,9 +9,8 @@ import polars as pl
 from bottomlock import kernel, run_campaign
 from bottomlock.campaign.chunk import choice_counts, merged
 from bottomlock.config.scenario import load_scenario
+from bottomlock.files.columns import CHOICES, check
 from bottomlock.kernel import Method
-from bottomlock.tables.campaign import CHOICES
-from bottomlock.tables.check import check
 from tests.property import settings
 
 

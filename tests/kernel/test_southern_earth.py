@@ -17,7 +17,7 @@ from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.plant.flight import inertial_measurements
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.replay.init.against_imu import turns
-from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings
+from bottomlock.simulation.analytic import Attitudes, ideal_inertial_readings
 from tests.oracle import beams, truth
 from tests.property import settings
 

@@ -11,6 +11,7 @@ import pytest
 from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.figures.drawing import on_paper
+from bottomlock.files.columns import OBSERVABILITY, check
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry, KernelError, Navigator
 from bottomlock.kernel.models import DepthModel, DvlModel, InitialState, Model
 from bottomlock.observability.analysis import Aiding, Finding, deviations, observe
@@ -21,10 +22,8 @@ from bottomlock.observability.report import (
     observe_scenario,
 )
 from bottomlock.observability.tables import PAPER_CASES, paper_table
-from bottomlock.tables.check import check
-from bottomlock.tables.observability import OBSERVABILITY
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, swing
-from bottomlock.truth.truth import Truth
+from bottomlock.simulation.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth, motion_of, swing
+from bottomlock.truth import Truth
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 ALL = Aiding(beams=(1, 2, 3, 4))

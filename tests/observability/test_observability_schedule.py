@@ -16,8 +16,8 @@ from bottomlock.kernel import SENSORS, BeamGeometry, KernelError
 from bottomlock.observability.analysis import Aiding, Schedule, deviations, observe
 from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.simulation.build import build_simulation
-from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
-from bottomlock.truth.truth import Truth
+from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
+from bottomlock.truth import Truth
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 SECOND = 10**9

@@ -15,7 +15,7 @@ from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import CurrentLayers
 from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 from tests.dive import gauss_markov
 from tests.imu_blocks import measured
 from tests.run_events import Readings

@@ -11,7 +11,7 @@ import pytest
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, observe
 from bottomlock.observability.tables import PAPER_CASES, QUIET, PaperCase
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
+from bottomlock.simulation.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
 from tests.oracle.observability_series import (
     PRIMES,
     Field,

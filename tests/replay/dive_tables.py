@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.tables.replay import (
+from bottomlock.files.replay_tables import (
     REPLAY_RUNS,
     REPLAY_SAMPLES,
     ReplayTables,
     innovations_schema,
     pings_schema,
 )
+from bottomlock.own_method import DEAD_RECKONING
 
 START_NS = 1_767_225_610 * 10**9
 SPIKE_S, SPIKE_MPS = 33.0, 9.25

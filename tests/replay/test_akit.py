@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay import rerun
 from bottomlock.replay.reading import read_streams
-from bottomlock.tables.replay import ReplayTables
 from tests.replay.akit import SECTIONS, akit_case
 from tests.replay.undiagnosed import replay_undiagnosed
 

@@ -7,6 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import ScenarioError
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel.models import DvlModel
 from bottomlock.replay.calibration import calibration_words, found, write_calibration
@@ -14,7 +15,6 @@ from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import prepare
 from bottomlock.replay.run import replay_case
-from bottomlock.tables.replay import ReplayTables
 from tests.oracle.rotations import exp_rotation, matrix_from_euler
 
 CASE = Path(__file__).parents[2] / "data" / "logs" / "robosub" / "case.toml"

@@ -20,11 +20,11 @@ from bottomlock.dead_reckoning.track import (
     dead_reckon,
     structure_function,
 )
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.streams import Attitudes, Depths, Inertial
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reckon import attitude_errors, carried
-from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_case
 from tests.replay.undiagnosed import replay_undiagnosed

@@ -8,10 +8,10 @@ import pymap3d
 import pytest
 
 from bottomlock.figures.series import Frame, Track
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.dive_plots import framed, holds, lost_beams, taken, tracks_of
 from bottomlock.replay.report import dive_of
-from bottomlock.tables.replay import ReplayTables
 from tests.pages.test_plots import unpacked
 from tests.replay.dive_tables import LOST_S, METHODS, SPIKE_MPS, START_NS, dive_tables, manifest
 

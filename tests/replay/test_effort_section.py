@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, Note, ScenarioError
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.drives import SpeedByForces
 from bottomlock.recordings.readings import EffortReading
@@ -16,7 +17,6 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of
-from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_csv
 from tests.replay.test_thrust_section import BARE, SLIP_MPS, SLIP_TIME_S

@@ -3,10 +3,10 @@
 import polars as pl
 import pytest
 
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.page import Drawing
 from bottomlock.replay.panels import nis_panel
 from bottomlock.replay.report import dive_of, drawings
-from bottomlock.tables.replay import ReplayTables
 from tests.drawn_points import held, points
 from tests.replay.dive_tables import dive_tables
 

@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.files.replay_tables import SCORES
 from bottomlock.kernel import BeamGeometry
 from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets, random_walk, reference_pings
-from bottomlock.tables.replay import SCORES
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 SD = np.full(4, 0.02)

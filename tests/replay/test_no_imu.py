@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.files.replay_tables import RECORDED, ReplayTables
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.replay import rerun
 from bottomlock.replay.case import Case, load_case
@@ -16,7 +17,6 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.vehicle_motion import complete_pings, with_persistence
-from bottomlock.tables.replay import RECORDED, ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.replay.test_water_track import CASE as WITH_IMU

@@ -4,11 +4,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.files.replay_tables import IMU_FAULTS, SIGMAS, ReplayTables
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
 from bottomlock.statistics.replay import runs_table
-from bottomlock.tables.replay import IMU_FAULTS, SIGMAS, ReplayTables
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 

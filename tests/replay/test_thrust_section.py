@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.kernel.models import ThrustModel
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
@@ -15,7 +16,6 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of, with_values
-from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive, gauss_markov
 from tests.dive_logs import write_csv
 from tests.replay.test_water_track import CASE as WATER_CASE

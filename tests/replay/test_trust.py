@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 from scipy.stats import norm
 
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
@@ -22,7 +23,6 @@ from bottomlock.replay.findings.trust import Evidence, Reference, against_refere
 from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
 from bottomlock.replay.run import replay_case
 from bottomlock.statistics.chi_squared import CONSISTENT
-from bottomlock.tables.replay import ReplayTables
 from tests.dive import drawn_dive
 from tests.dive_logs import write_case
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.io.beam_table import WaterTable
 from bottomlock.io.beams import read_geometry
 from bottomlock.replay.case import load_case
@@ -17,7 +18,6 @@ from bottomlock.replay.reading import read_streams
 from bottomlock.replay.rerun import kernel_log, prepare
 from bottomlock.replay.run import replay_case
 from bottomlock.replay.tune.parameters import noise_of
-from bottomlock.tables.replay import ReplayTables
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.replay.undiagnosed import replay_undiagnosed

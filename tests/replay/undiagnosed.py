@@ -5,11 +5,11 @@ from typing import Any
 import polars as pl
 import pytest
 
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.diagnose import Diagnosis
 from bottomlock.replay.findings.trust import Answer
 from bottomlock.replay.run import replay_case
-from bottomlock.tables.replay import ReplayTables
 
 NOTHING = Diagnosis([], Answer(verdict="no", sentence="", numbers=(), change="", method="", vehicle=""))
 

@@ -9,11 +9,20 @@ import numpy as np
 import polars as pl
 
 from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.campaign_tables import chunk_file
+from bottomlock.files.columns import (
+    BIASES,
+    CONSISTENCY,
+    ENSEMBLE,
+    OUTCOMES,
+    PATHS,
+    RUNS,
+    SAMPLES,
+    SWEEP,
+    VIRTUAL_BEAM_FACTOR,
+)
 from bottomlock.files.records import write_record, write_recorded_table
 from bottomlock.statistics import campaign
-from bottomlock.tables.campaign import BIASES, CONSISTENCY, ENSEMBLE, OUTCOMES, PATHS, RUNS, SAMPLES
-from bottomlock.tables.results import chunk_file
-from bottomlock.tables.studies import SWEEP, VIRTUAL_BEAM_FACTOR
 from tests.analytic import analytic
 from tests.recorded import add_table, edit_record
 

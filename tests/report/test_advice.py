@@ -8,11 +8,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from bottomlock.files.campaign_tables import read_campaign_tables
+from bottomlock.files.columns import PUBLISHED
 from bottomlock.report.advice import Advice, advise, choose
 from bottomlock.report.page import make_report
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import PUBLISHED
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import edit_manifest, write_campaign
 

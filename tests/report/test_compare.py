@@ -9,11 +9,11 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
+from bottomlock.files.campaign_tables import read_campaign_tables
+from bottomlock.files.columns import COMPARISON
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from bottomlock.statistics.compare import difference_of, estimate_of, why_unpaired
-from bottomlock.tables.results import read_campaign_tables
-from bottomlock.tables.studies import COMPARISON
 from tests.report.synthetic_campaign import edit_manifest, write_campaign
 
 pytestmark = pytest.mark.usefixtures("undrawn")

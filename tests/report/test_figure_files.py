@@ -11,13 +11,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from bottomlock.figures.palette import figure_files
+from bottomlock.files.campaign_tables import CampaignTables, read_campaign_tables
+from bottomlock.files.columns import CHOICES, CURRENT, VIRTUAL_BEAM_FACTOR
 from bottomlock.files.overwriting import Files
-from bottomlock.paper.claims import ValueClaim, load_paper
 from bottomlock.report.page import make_report
+from bottomlock.statistics.claims import ValueClaim, load_paper
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.tables.campaign import CHOICES
-from bottomlock.tables.results import CampaignTables, read_campaign_tables
-from bottomlock.tables.studies import CURRENT, VIRTUAL_BEAM_FACTOR
 from tests.drawn_points import points
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import METHODS, TIMES_S, write_whole

@@ -8,11 +8,11 @@ import polars as pl
 import pytest
 
 from bottomlock.figures.palette import new_figure
+from bottomlock.files.columns import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 from bottomlock.files.records import write_recorded_table
 from bottomlock.pages.page import Page, Part, Pictures, Table, folded, html
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
-from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 from tests.browser import CUT_OFF, WIDTHS, Browser, chromium
 from tests.report.synthetic_campaign import write_campaign
 

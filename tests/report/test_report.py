@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from bottomlock.errors import DataError
 from bottomlock.figures import palette
 from bottomlock.figures.labels import spread
+from bottomlock.files.campaign_tables import read_campaign_tables
 from bottomlock.files.records import write_recorded_table
 from bottomlock.kernel import METHODS as KERNEL_METHODS
 from bottomlock.own_method import DEAD_RECKONING
@@ -24,7 +25,6 @@ from bottomlock.pages.pieces import MOST, featured
 from bottomlock.report.page import make_report
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.tables.results import read_campaign_tables
 from tests.recorded import add_table, edit_record
 from tests.report.synthetic_campaign import METHODS, edit_manifest, write_campaign, write_whole
 

@@ -8,11 +8,11 @@ import polars as pl
 import pytest
 
 from bottomlock.config.scenario import load_scenario
+from bottomlock.files.columns import STUDY
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.report.advice import REFERENCES, load_published, standing
 from bottomlock.studies.cases import in_world
 from bottomlock.studies.study import AS_CONFIGURED, Cell, study
-from bottomlock.tables.studies import STUDY
 from tools import evidence
 
 TABLES = {path.stem: evidence.read(path) for path in sorted(evidence.DATA.glob("*.parquet"))}

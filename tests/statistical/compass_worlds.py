@@ -16,7 +16,7 @@ from bottomlock.kernel.models import InitialState, MagnetometerModel, Model, Opt
 from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 from tests.analytic import analytic_simulation
 from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array

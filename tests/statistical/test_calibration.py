@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock import kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel.models import Calibration, DvlModel, Model
-from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
-from bottomlock.truth.truth import Truth, sample_times_ns
+from bottomlock.simulation.analytic import Attitudes, Motion, sample_motion
+from bottomlock.truth import Truth, sample_times_ns
 from tests.drawn_log import drawn_log
 from tests.oracle import chi_squared
 from tests.oracle.calibrated_beams import readings

@@ -17,7 +17,7 @@ from bottomlock.kernel import Method
 from bottomlock.kernel.models import ImuModel, Robust
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 from tests.analytic import analytic_simulation
 from tests.drawn_log import drawn_log
 from tests.oracle.rotations import Array

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import BeamGeometry, run_batch
 from bottomlock.observability.analysis import Aiding, deviations
-from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
 
 RUNS = 120
 

@@ -5,11 +5,10 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
+from bottomlock.files.columns import CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES, check
 from bottomlock.statistics import campaign
 from bottomlock.statistics.chi_squared import family_band
 from bottomlock.statistics.rms import bootstrap_rms, rms_column
-from bottomlock.tables.campaign import CONSISTENCY, ENSEMBLE, OUTCOMES, RUNS, SAMPLES
-from bottomlock.tables.check import check
 
 
 def samples() -> pl.DataFrame:

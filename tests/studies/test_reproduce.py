@@ -8,11 +8,10 @@ import pytest
 
 from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import load_scenario
+from bottomlock.files.columns import SWEEP, check
 from bottomlock.studies import reproduce as study_of_2017
 from bottomlock.studies import reproduce as whole
 from bottomlock.studies.reproduce import SETTINGS, Setting
-from bottomlock.tables.check import check
-from bottomlock.tables.studies import SWEEP
 from tests.undrawn import figures_undrawn
 
 RUNS = 10

@@ -10,12 +10,11 @@ from bottomlock.campaign.run import CampaignProgress
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.drawing import on_paper
+from bottomlock.files.columns import STUDY, check
 from bottomlock.pages.page import Pictures, html
 from bottomlock.statistics.chi_squared import family_band, verdict
 from bottomlock.studies.study import Cell, cells, study
 from bottomlock.studies.study_page import figure, page, summary
-from bottomlock.tables.check import check
-from bottomlock.tables.studies import STUDY
 
 METHODS = ("ins", "lc", "tc")
 SETS = [(1, 2, 3, 4), (1, 2), (2, 4)]

@@ -6,9 +6,9 @@ import numpy as np
 
 from bottomlock.campaign.run import CampaignProgress, run_campaign
 from bottomlock.config.scenario import load_scenario
+from bottomlock.files.campaign_tables import read_campaign_tables
 from bottomlock.statistics.run_errors import read_run_errors
 from bottomlock.studies.reproduce import run_without_causes, variants
-from bottomlock.tables.results import read_campaign_tables
 
 
 def test_the_same_runs_on_a_level_path(tmp_path: Path) -> None:

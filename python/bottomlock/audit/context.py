@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bottomlock.arrays import rising
 from bottomlock.audit import defects
 from bottomlock.audit.beams import BeamAssessment, assess_beams
 from bottomlock.audit.closure import closure_of
@@ -19,7 +20,6 @@ from bottomlock.io.beam_table import WaterTable
 from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.streams import Depths, Inertial
-from bottomlock.support.rising import rising
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from bottomlock.files.columns import FINDINGS
 from bottomlock.recordings.finding import Finding, Severity, beam_words
-from bottomlock.tables.audit import FINDINGS
 
 SIGNIFICANCE = 1e-5
 """False-alarm probability of each test. An audit makes fewer than 50: 1 clean log in 2000 gets a false finding."""

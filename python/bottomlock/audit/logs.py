@@ -13,6 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bottomlock.arrays import rising
 from bottomlock.errors import DataError, bad_column
 from bottomlock.io.beams import (
     LEAST_READING_NS,
@@ -24,7 +25,6 @@ from bottomlock.io.beams import (
 from bottomlock.io.columns import check_valid, column_numbers, read_flags, read_rows
 from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.streams import Attitudes, Depths, Inertial
-from bottomlock.support.rising import rising
 
 AXES = ("x", "y", "z")
 

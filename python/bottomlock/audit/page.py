@@ -19,8 +19,9 @@ from bottomlock.figures.series import Curve, Figure, Panel, valid_panel
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, Viewer, html
-from bottomlock.pages.pieces import explained, findings_part, json_part, number
+from bottomlock.pages.pieces import explained, findings_part, json_part
 from bottomlock.pages.plots import Plots
+from bottomlock.text import number
 
 BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
 COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")

@@ -14,12 +14,12 @@ from threadpoolctl import threadpool_limits
 from bottomlock import own_method
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
+from bottomlock.files.columns import PATHS
 from bottomlock.own_method import DEAD_RECKONING, in_this_process_alone
 from bottomlock.plant import Flight
 from bottomlock.plant.closed_loop import cross_track_m
 from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.tables.campaign import PATHS
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 CONTROL_RATE_HZ = 5.0
 """Samples of the cross-track error per second, as many as there are control steps in closed loop."""
@@ -172,7 +172,7 @@ def _cross_track_m(flight: Flight) -> NDArray[np.float64]:
 
 
 def true_paths(built: Sequence[BuiltScenario]) -> pl.DataFrame:
-    """The true position of every scenario once a second (`tables.campaign.PATHS`); closed-loop runs leave this path."""
+    """The true position of every scenario once a second (`files.columns.PATHS`); closed-loop runs leave this path."""
     parts = []
     for simulation in built:
         every = slice(None, None, max(1, round(simulation.scenario.imu.rate_hz)))

@@ -18,6 +18,7 @@ from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.config.scenario import Scenario
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
+from bottomlock.files.columns import BIASES, CHOICES, OUTCOMES, SAMPLES
 from bottomlock.kernel import NO_CHOICE, SOURCES
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
@@ -25,7 +26,6 @@ from bottomlock.recordings.streams import Attitudes, Depths
 from bottomlock.simulation.build import trajectory_key
 from bottomlock.simulation.measurement_schedule import measurement_schedule
 from bottomlock.statistics.rms import rms
-from bottomlock.tables.campaign import BIASES, CHOICES, OUTCOMES, SAMPLES
 
 _AXES = ("surge", "sway", "heave")
 
@@ -33,7 +33,7 @@ _AXES = ("surge", "sway", "heave")
 def choice_counts(
     choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
-    """Counts of a batch's choices (runs, methods, pings, 3), `tables.campaign.CHOICES`."""
+    """Counts of a batch's choices (runs, methods, pings, 3), `files.columns.CHOICES`."""
     times, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     keys: list[tuple[str, str, str]] = []
     for number, method in enumerate(methods):
@@ -178,9 +178,9 @@ class ChunkTables:
     """The tables of a chunk.
 
     Attributes:
-        samples: `tables.campaign.SAMPLES`, a row per run, method and second, in this order.
-        choices: `tables.campaign.CHOICES`, the choices of the selectors.
-        counts: `tables.campaign.OUTCOMES`, a row per run and method.
+        samples: `files.columns.SAMPLES`, a row per run, method and second, in this order.
+        choices: `files.columns.CHOICES`, the choices of the selectors.
+        counts: `files.columns.OUTCOMES`, a row per run and method.
     """
 
     samples: pl.DataFrame
@@ -294,7 +294,7 @@ def _on_truth(built: BuiltScenario, chunk: Chunk, threads: int) -> dict[str, Any
 
 
 def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
-    """A row per run and method (`tables.campaign.OUTCOMES`); `cross_track_m` (runs, methods, ticks) may be None."""
+    """A row per run and method (`files.columns.OUTCOMES`); `cross_track_m` (runs, methods, ticks) may be None."""
     offset = result["cross_track_m"]
     if offset is None:
         cross_track = np.full((2, keys.height), np.nan)
@@ -315,7 +315,7 @@ def _outcomes(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
 
 
 def _samples(result: dict[str, Any], keys: pl.DataFrame) -> pl.DataFrame:
-    """A row per run, method and second (`tables.campaign.SAMPLES`)."""
+    """A row per run, method and second (`files.columns.SAMPLES`)."""
     samples = result["nees"].shape[-1]
     columns = {
         name: values[..., k].reshape(-1).astype(np.float32)

@@ -23,7 +23,7 @@ from distributed.utils import silence_logging_cmgr
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.chunk import Chunk, ChunkResults, ChunkTables, RunChunks, run_chunk
 from bottomlock.errors import BottomlockError, EngineError, note
-from bottomlock.tables.versions import bit_versions, versions_in_words
+from bottomlock.files.versions import bit_versions, versions_in_words
 
 CONNECT_S, PATIENCE_S, POLL_S = 10.0, 60.0, 2.0
 """How long a scheduler may take to answer, and a client waits without any worker; how often it looks, s."""

@@ -10,8 +10,8 @@ from urllib.parse import urlsplit
 from bottomlock.campaign.build import BuiltScenario
 from bottomlock.campaign.chunk import Chunk, ChunkResults, RunChunks, run_chunk
 from bottomlock.errors import EngineError
-from bottomlock.support.extras import install
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.libraries import install
+from bottomlock.text import did_you_mean
 
 Engine = Literal["local", "dask"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)

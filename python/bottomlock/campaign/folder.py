@@ -12,14 +12,13 @@ import polars as pl
 from bottomlock.campaign.chunk import Chunk, ChunkTables
 from bottomlock.errors import DataError, OutputError, note
 from bottomlock.files.atomic_write import write_parquet
+from bottomlock.files.campaign_tables import chunk_file
+from bottomlock.files.columns import CHOICES, OUTCOMES, SAMPLES, check
 from bottomlock.files.output_folder import is_occupied
 from bottomlock.files.overwriting import named_in, remove_named
 from bottomlock.files.records import MissingFileError, read_record, read_recorded_table, write_record
+from bottomlock.files.versions import bit_versions, check_identity, versions_in_words
 from bottomlock.simulation.build import Simulation
-from bottomlock.tables.campaign import CHOICES, OUTCOMES, SAMPLES
-from bottomlock.tables.check import check
-from bottomlock.tables.results import chunk_file
-from bottomlock.tables.versions import bit_versions, check_identity, versions_in_words
 
 MANIFEST = "manifest.json"
 TABLES = ("runs.parquet", "ensemble.parquet", "consistency.parquet", "choices.parquet", "truth.parquet")
@@ -27,7 +26,7 @@ _COLUMNS = {"samples": SAMPLES, "choices": CHOICES, "counts": OUTCOMES}
 _RUN_AGAIN = "the chunk is run again"
 
 Identity = Mapping[str, Any]
-"""What decides the numbers of a campaign: `configuration_hash`, and `versions` (`tables.versions.bit_versions`)."""
+"""What decides the numbers of a campaign: `configuration_hash`, and `versions` (`files.versions.bit_versions`)."""
 
 
 def identity_of(simulations: Sequence[Simulation]) -> Identity:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Self
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.files.campaign_tables import CampaignResults, read_campaign_tables, sample_files
 from bottomlock.pages.page import Table
-from bottomlock.pages.pieces import notebook_table, number
+from bottomlock.pages.pieces import notebook_table
 from bottomlock.statistics.campaign import summary_table
 from bottomlock.statistics.compare import QUANTITIES, comparison_table
-from bottomlock.support.nearest import did_you_mean
-from bottomlock.tables.results import CampaignResults, read_campaign_tables, sample_files
+from bottomlock.text import did_you_mean, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Results(CampaignResults):
-    """The tables of a finished campaign, see `bottomlock.tables.campaign` for their columns.
+    """The tables of a finished campaign, see `bottomlock.files.columns` for their columns.
 
     Attributes:
         manifest: what decided the numbers, as `manifest.json` has it.
@@ -39,7 +39,7 @@ class Results(CampaignResults):
 
     @property
     def samples(self) -> pl.LazyFrame:
-        """A row per trajectory, run, method and second: error and its standard deviation (`tables.campaign.SAMPLES`).
+        """A row per trajectory, run, method and second: error and its standard deviation (`files.columns.SAMPLES`).
 
         Of a campaign in a folder nothing is read before `collect`, and then what the query needs.
         """
@@ -76,7 +76,7 @@ class Results(CampaignResults):
             labels: names of these and of the others in the table.
 
         Returns:
-            `tables.studies.COMPARISON`: a row per campaign, trajectory, method and quantity.
+            `files.columns.COMPARISON`: a row per campaign, trajectory, method and quantity.
 
         Raises:
             DataError: for what is no results, without a common trajectory, and for labels that are the same.

@@ -41,13 +41,13 @@ from bottomlock.campaign.results import Results, read_results
 from bottomlock.config.scenario import Scenario
 from bottomlock.files.output_folder import locked
 from bottomlock.files.overwriting import check_apart, remove_outdated
+from bottomlock.files.versions import library_versions
 from bottomlock.own_method import AnyMethod
 from bottomlock.statistics import campaign
-from bottomlock.tables.versions import library_versions
 
 
 class Tables(NamedTuple):
-    """The tables of a campaign: `tables.campaign.RUNS`, `ENSEMBLE`, `CONSISTENCY`, `CHOICES`."""
+    """The tables of a campaign: `files.columns.RUNS`, `ENSEMBLE`, `CONSISTENCY`, `CHOICES`."""
 
     runs: pl.DataFrame
     ensemble: pl.DataFrame

@@ -16,9 +16,9 @@ from bottomlock.campaign.run import CampaignProgress, Results, check_campaign, r
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.toml_value import toml_value
 from bottomlock.errors import OutputError, ScenarioError
+from bottomlock.files.campaign_tables import KIND, VARIANTS
 from bottomlock.files.output_folder import is_occupied, locked
 from bottomlock.files.records import read_record, write_record
-from bottomlock.tables.studies import KIND, VARIANTS
 
 MOST_VARIANTS = 200
 """More of them are taken for a mistake."""

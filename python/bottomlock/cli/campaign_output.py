@@ -12,7 +12,7 @@ from rich.text import Text
 from bottomlock import own_method
 from bottomlock.campaign.run import CampaignProgress, Results
 from bottomlock.cli.console import console, late_bar, narrow_table, print_json, say
-from bottomlock.pages.pieces import plain
+from bottomlock.text import plain
 
 
 class _Rate(ProgressColumn):

@@ -6,8 +6,8 @@ import polars as pl
 from rich.table import Table
 
 from bottomlock.cli.console import console, narrow_table, say
-from bottomlock.pages.pieces import plain
 from bottomlock.report.compare import Comparison
+from bottomlock.text import plain
 
 SHOWN = (("velocity at the end", ", m/s RMS", 3), ("position at the end", ", m RMS", 1), ("NEES", "", 1))
 """Quantities on the screen, with their units and decimals; the page and the table have the others."""

@@ -22,11 +22,11 @@ from bottomlock.files.overwriting import check_free
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
 from bottomlock.io.formats import converted_first
 from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
-from bottomlock.pages.pieces import number
 from bottomlock.replay.beam_noise import BeamNoise, measure_noise
 from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets
 from bottomlock.replay.robust_fix import RobustFixes, solve_robust
 from bottomlock.statistics.rms import rms
+from bottomlock.text import number
 
 
 def print_noise(noise: BeamNoise, sd_mps: NDArray[np.float64]) -> None:

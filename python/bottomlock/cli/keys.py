@@ -14,7 +14,7 @@ from bottomlock.io.beams import Columns, InstrumentFile
 from bottomlock.live.config import LiveConfig
 from bottomlock.plant import HoveringVehicle, Vehicle
 from bottomlock.replay.case import Case
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 Kind = Literal["scenario", "case", "geometry", "vehicle", "hovering_vehicle", "columns", "live"]
 MODELS: dict[Kind, type[BaseModel]] = {

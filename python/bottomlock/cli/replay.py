@@ -14,6 +14,7 @@ from bottomlock.errors import ScenarioError
 from bottomlock.export.formats import FORMATS, check_formats
 from bottomlock.export.replay import export_replay
 from bottomlock.files.overwriting import check_free
+from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.io.beams import read_geometry
 from bottomlock.io.calibrated_file import require_toml
 from bottomlock.pages.page import Table, plain_text
@@ -25,7 +26,6 @@ from bottomlock.replay.init.make import make_case
 from bottomlock.replay.page import page_of
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import PAGE, run_and_report
-from bottomlock.tables.replay import ReplayTables
 
 
 def replay(

@@ -12,11 +12,11 @@ from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console
 from bottomlock.cli.parameters import Out, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
+from bottomlock.files.campaign_tables import VARIANTS
 from bottomlock.replay.report import is_replay, make_replay_report
 from bottomlock.report.compare import compare
 from bottomlock.report.page import Report, make_report
 from bottomlock.studies import reproduce as whole_study
-from bottomlock.tables.studies import VARIANTS
 
 
 def reproduce(

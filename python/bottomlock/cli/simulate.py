@@ -27,7 +27,7 @@ from bottomlock.simulation.closure import closure
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.statistics.rms import rms
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 
 def fly(

@@ -24,6 +24,7 @@ from bottomlock.cli.parameters import (
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Result
+from bottomlock.files.versions import library_versions
 from bottomlock.kernel import kernel_version
 from bottomlock.pages.page import Pictures, Table, html
 from bottomlock.statistics.chi_squared import FALSE_ALARM
@@ -31,7 +32,6 @@ from bottomlock.studies import cases
 from bottomlock.studies.study import cells
 from bottomlock.studies.study import study as run_study
 from bottomlock.studies.study_page import page, summary_table
-from bottomlock.tables.versions import library_versions
 
 CONFIGURED = "own"
 """For the beams or sensors of the scenario itself."""

@@ -12,7 +12,7 @@ from bottomlock.config.section import in_si
 from bottomlock.config.toml_file import parse_toml
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 Kind = Literal["imu", "attitude", "water"]
 KINDS: dict[Kind, str] = {

@@ -9,7 +9,7 @@ from bottomlock import own_method
 from bottomlock.config.section import Section, in_folder, shown
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import known_names, not_replaced
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 
 class OwnMethods(Section):

@@ -9,7 +9,7 @@ from bottomlock.config.toml_file import read_text
 from bottomlock.errors import ScenarioError, note
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
-from bottomlock.support.nearest import guess
+from bottomlock.text import guess
 
 FOLDERS = {"scenario": "scenarios", "vehicle": "vehicles", "geometry": "geometries"}
 

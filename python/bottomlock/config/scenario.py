@@ -28,7 +28,7 @@ from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import models
 from bottomlock.own_method import AnyMethod
-from bottomlock.support.notebook import html_table
+from bottomlock.text import html_table
 
 EARTH_RATE_RADPS = 7.292115e-5
 

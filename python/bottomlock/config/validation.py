@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from bottomlock.config.key_reference import key_of, kind_of, located, section_models, section_paths
 from bottomlock.config.section import unit_of
 from bottomlock.errors import ScenarioError
-from bottomlock.support.nearest import guess, nearest
+from bottomlock.text import guess, nearest
 
 Model = TypeVar("Model", bound=BaseModel)
 _BOUNDS = {

@@ -12,7 +12,7 @@ from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, waterlinked_
 from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import polars as pl
 
 from bottomlock.figures.palette import FAINT, WIDTH_IN, stroke
 from bottomlock.figures.series import Curve, Figure, Floats, Panel, spreads
-from bottomlock.tables.campaign import COMPONENTS
+from bottomlock.files.columns import COMPONENTS
 
 WIDE, HALF, THIRD, LOW = (6.6, 3.9), (WIDTH_IN, 4.1), (4.2, 3.5), (4.2, 2.6)
 """Width and height of a figure by the place that it has on a page, inches."""
@@ -27,7 +27,7 @@ def errors_of(
     """RMS over runs of methods against time, with 95 % bootstrap intervals.
 
     Args:
-        ensemble: `tables.campaign.ENSEMBLE`.
+        ensemble: `files.columns.ENSEMBLE`.
         trajectory: one of its trajectories.
         quantity: "velocity" or "attitude".
         printed: method, time in s and value of what a paper prints.
@@ -73,7 +73,7 @@ def sweep_of(rows: pl.DataFrame, level: tuple[str, float] | None = None) -> Pane
     """Velocity error at the end, RMS over runs, against the values of one setting on one trajectory.
 
     Args:
-        rows: of `tables.studies.SWEEP`, of one parameter and one trajectory. The values stand at equal distances.
+        rows: of `files.columns.SWEEP`, of one parameter and one trajectory. The values stand at equal distances.
         level: a method without that setting and its error in m/s, drawn across.
     """
     title = str(rows["trajectory"][0]).replace("_", " ") + ": velocity error, m/s"
@@ -89,7 +89,7 @@ def places_of(rows: pl.DataFrame, methods: Sequence[str], title: str) -> Panel:
     """Velocity errors at the end with 95 % intervals in the cells of a study, the methods side by side.
 
     Args:
-        rows: of `tables.studies.STUDY` on one trajectory, with the name of each cell as `place`.
+        rows: of `files.columns.STUDY` on one trajectory, with the name of each cell as `place`.
         methods: which to draw.
         title: quantity and unit.
     """
@@ -124,7 +124,7 @@ def normalised_of(normalised_rms: Mapping[str, Floats]) -> Panel:
     """RMS over runs and times of error/σ of each component; a consistent filter has 1.
 
     Args:
-        normalised_rms: (9,) for each method, in the order of `tables.campaign.COMPONENTS`.
+        normalised_rms: (9,) for each method, in the order of `files.columns.COMPONENTS`.
     """
     at, places = np.arange(len(COMPONENTS), dtype=np.float64), [name.replace("_", " ") for name in COMPONENTS]
     consistent = Curve("", FAINT, np.array([-0.5, len(at) - 0.5]), np.ones(2), dash=(2.8, 2.8))
@@ -137,7 +137,7 @@ def choices_figure(choices: pl.DataFrame) -> Figure:
     """A panel for each method and component: share of the runs in which each source is chosen, stacked from below.
 
     Args:
-        choices: rows of `tables.campaign.CHOICES` of one trajectory.
+        choices: rows of `files.columns.CHOICES` of one trajectory.
     """
     times = choices.select(pl.col("time_ns").unique().sort())
     panels = []

@@ -10,7 +10,7 @@ def path_figure(paths: pl.DataFrame, trajectory: str) -> Figure:
     """Plan view above depth, whose axis holds every trajectory of the table.
 
     Args:
-        paths: the columns of `tables.campaign.PATHS`.
+        paths: the columns of `files.columns.PATHS`.
         trajectory: one of its trajectories.
     """
     path, colour = paths.filter(pl.col("trajectory") == trajectory).sort("time_ns"), STROKES["tc"].colour

@@ -1,1 +1,1 @@
-"""What is written and read: whole or not at all, with digests, never over what is not ours."""
+"""Files, whole or not at all, with digests, never over what is not ours; and the columns of every table."""

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError, OutputError
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 
 def write_bytes(path: Path, content: bytes | memoryview) -> str:

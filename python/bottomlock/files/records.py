@@ -14,7 +14,7 @@ from typing import Any
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import json_text, read_json, write_json, write_parquet
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 DIGESTS = "digests"
 """Entry of a record: the SHA-256 of every file that it states, by the file's name."""

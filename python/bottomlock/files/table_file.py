@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from bottomlock.errors import DataError
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 _MAGIC = b"PAR1"
 _DEEPEST = 32

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from bottomlock.errors import ScenarioError
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 
 def with_geometry(scenario: Scenario, geometry: str) -> Scenario:

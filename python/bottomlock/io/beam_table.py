@@ -36,7 +36,7 @@ from bottomlock.io.columns import (
     read_flags,
     whole_numbers,
 )
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 
 def water_file(path: str | Path) -> Path:

@@ -36,7 +36,7 @@ from bottomlock.io.columns import (
     read_rows,
 )
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 
 class Columns(BaseModel):

@@ -14,7 +14,7 @@ from bottomlock.files.atomic_write import read_json
 from bottomlock.files.records import DIGESTS, OWN_DIGEST, read_record, sha256_of
 from bottomlock.files.table_file import read_table_file
 from bottomlock.io.sentences import printable
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 WATER_ENDING = "_water"
 """What the name of a water table has after that of the beam table, whose account is its own."""

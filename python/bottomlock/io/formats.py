@@ -37,7 +37,7 @@ from bottomlock.io.beam_table import Recording
 from bottomlock.io.log_stream import velocities_recording
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import show
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 _HEAD = 65_536
 _RECORD_BEAMS = "record PD0 in beam coordinates (PD0, EX00000), or a Water Linked's own protocol"

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bottomlock.arrays import rising
 from bottomlock.errors import DataError
 from bottomlock.io.account import Flags, Floats, Integers
 from bottomlock.io.beam_table import Account, Recording
 from bottomlock.io.rows import Options, make_table, raise_if_empty
 from bottomlock.io.sentences import printable
-from bottomlock.support.later import pl, transform
-from bottomlock.support.rising import rising
+from bottomlock.libraries import pl, transform
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

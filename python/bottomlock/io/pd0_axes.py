@@ -14,7 +14,7 @@ Source: Teledyne RD Instruments, "ADCP Coordinate Transformation".
 import numpy as np
 
 from bottomlock.io.beam_table import Flags, Floats, Integers
-from bottomlock.support.later import transform
+from bottomlock.libraries import transform
 
 BEAM, INSTRUMENT, SHIP, EARTH = range(4)
 """Coordinates by their code in the fixed leader."""

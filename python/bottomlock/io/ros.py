@@ -24,7 +24,7 @@ from bottomlock.io.decoder import Format, MessageDecoder, Row
 from bottomlock.io.ros_messages import DEFINITIONS, stamp_ns
 from bottomlock.io.rows import NAN, PLAIN, Options
 from bottomlock.io.sentences import printable
-from bottomlock.support.extras import install
+from bottomlock.libraries import install
 
 NAME = "ros"
 TYPES = ("marine_acoustic_msgs/msg/Dvl", "acoustic_msgs/msg/Dvl")

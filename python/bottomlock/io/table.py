@@ -17,7 +17,7 @@ from bottomlock.io.beam_table import MOST_BEAMS, Account, Floats, Recording
 from bottomlock.io.beams import Columns, beam_columns, read_mapped
 from bottomlock.io.columns import column_names, numbers_of, read_flags
 from bottomlock.io.rows import PLAIN, Options, make_table, raise_if_empty
-from bottomlock.support.later import pl
+from bottomlock.libraries import pl
 
 NAME = "table"
 

@@ -27,7 +27,7 @@ from bottomlock.io.log_stream import (
     velocity_of_displacements,
 )
 from bottomlock.io.progress import sparse_reporter
-from bottomlock.support.extras import mavlink
+from bottomlock.libraries import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 NAME = "mavlink-tlog"

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import DataError, bad_column
 from bottomlock.io.account import Floats
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows, unix_times
-from bottomlock.support.later import pl
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.libraries import pl
+from bottomlock.text import did_you_mean
 
 SUFFIXES = (".csv", ".parquet", ".pq")
 COLUMNS = (

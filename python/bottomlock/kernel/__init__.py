@@ -60,7 +60,7 @@ from bottomlock._kernel import (
 )
 from bottomlock.errors import KernelError as KernelError
 from bottomlock.kernel.words import geometry_line, geometry_table, navigator_line, navigator_table
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 if TYPE_CHECKING:
     import polars as pl

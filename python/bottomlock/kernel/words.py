@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.support.notebook import html_table
+from bottomlock.text import html_table
 
 if TYPE_CHECKING:
     from bottomlock.kernel import BeamGeometry, Navigator

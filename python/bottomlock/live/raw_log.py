@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, Any, Literal, get_args
 
 from bottomlock.errors import DataError, OutputError
-from bottomlock.support.extras import install
+from bottomlock.libraries import install
 
 Kind = Literal["in", "connected", "out", "paused"]
 _RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")

@@ -35,7 +35,7 @@ from bottomlock.recordings.readings import (
 )
 from bottomlock.recordings.sensors import INSTRUMENTS, SENSOR_OF, is_on_earth
 from bottomlock.recordings.streams import Floats
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 if TYPE_CHECKING:
     from bottomlock.kernel import StateDict

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeVar
 
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import RECOMMENDED_METHOD
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 Mode = Literal["velocity", "navigation"]
 _T = TypeVar("_T")

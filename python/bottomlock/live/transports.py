@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from bottomlock.errors import DataError, OutputError
+from bottomlock.libraries import install
 from bottomlock.live.device import BLOCK, GREETING_S, LONGEST_WAIT_S, Device
 from bottomlock.live.loop import TcpServer, words_of
 from bottomlock.ports.address import Address
-from bottomlock.support.extras import install
 
 SECOND = "a second client is sent away: the first gives readings"
 HELD_S = 5.0

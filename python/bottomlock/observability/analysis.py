@@ -7,7 +7,7 @@ Examples:
     Level flight on one heading leaves tilt and accelerometer bias mixed, and heading unknown; beams 1 and 2 alone
     leave the sway unobservable as well:
 
-    >>> from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+    >>> from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
     >>> from bottomlock.kernel import BeamGeometry
     >>> truth, janus = manoeuvre_truth(MANOEUVRES["straight"], rate_hz=50.0), BeamGeometry.janus(0.35)
     >>> whole, half = observe(
@@ -34,8 +34,8 @@ from bottomlock.kernel import SENSORS
 from bottomlock.kernel.models import Environment, Model
 from bottomlock.recordings.streams import Flags, Times
 from bottomlock.simulation.sensor_times import epochs_ns
-from bottomlock.support.nearest import did_you_mean
-from bottomlock.truth.truth import Array, Truth
+from bottomlock.text import did_you_mean
+from bottomlock.truth import Array, Truth
 from bottomlock.units import ns_from_s
 
 
@@ -392,7 +392,7 @@ def deviations(
         KernelError: as `observe`.
 
     Examples:
-        >>> from bottomlock.truth.manoeuvres import MANOEUVRES, manoeuvre_truth
+        >>> from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
         >>> from bottomlock.config.scenario import load_scenario
         >>> truth, janus = manoeuvre_truth(MANOEUVRES["straight"], rate_hz=50.0), kernel.BeamGeometry.janus(0.35)
         >>> model = load_scenario("straight").kernel_model(truth.gravity_mps2)

@@ -16,6 +16,7 @@ from bottomlock.figures.drawing import on_paper
 from bottomlock.figures.palette import STROKES, figure_files
 from bottomlock.figures.series import Curve, Figure, Panel, spreads
 from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.columns import MANOEUVRE_RANKING, OBSERVABILITY
 from bottomlock.files.overwriting import Result
 from bottomlock.kernel import BeamGeometry, kernel_version
 from bottomlock.kernel.models import DvlModel, Model
@@ -23,10 +24,9 @@ from bottomlock.observability.analysis import Aiding, Deviations, Finding, Kind,
 from bottomlock.observability.tables import mask_table, paper_table, table_row
 from bottomlock.recordings.streams import Times
 from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
+from bottomlock.simulation.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
 from bottomlock.simulation.measurement_schedule import measurement_schedule
-from bottomlock.tables.observability import MANOEUVRE_RANKING, OBSERVABILITY
-from bottomlock.truth.manoeuvres import MANOEUVRES, Manoeuvre, manoeuvre_truth
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 from bottomlock.units import mps2_from_mg, radps_from_deg_per_h
 
 
@@ -54,7 +54,7 @@ def manoeuvre_ranking(
         rate_hz: rate at which the motion is sampled.
 
     Returns:
-        `tables.observability.MANOEUVRE_RANKING`, manoeuvres in their order, states in the filter's.
+        `files.columns.MANOEUVRE_RANKING`, manoeuvres in their order, states in the filter's.
 
     Raises:
         KernelError: for an empty aiding set, or a model with a value out of range.
@@ -130,9 +130,9 @@ class Observed:
     """Tables for the terminal.
 
     Attributes:
-        table: `tables.observability.OBSERVABILITY`.
+        table: `files.columns.OBSERVABILITY`.
         own: name of the aiding set of the scenario itself; None for the paper's cases.
-        manoeuvres: `tables.observability.MANOEUVRE_RANKING`, or None.
+        manoeuvres: `files.columns.MANOEUVRE_RANKING`, or None.
     """
 
     table: pl.DataFrame

@@ -8,11 +8,11 @@ from typing import Any
 
 import polars as pl
 
+from bottomlock.files.columns import OBSERVABILITY
 from bottomlock.kernel import BeamGeometry
 from bottomlock.observability.analysis import Aiding, Finding, Kind, Schedule, observe
-from bottomlock.tables.observability import OBSERVABILITY
-from bottomlock.truth.manoeuvres import Manoeuvre, manoeuvre_truth, motion_of, steady
-from bottomlock.truth.truth import Truth
+from bottomlock.simulation.manoeuvres import Manoeuvre, manoeuvre_truth, motion_of, steady
+from bottomlock.truth import Truth
 
 DVL, PRESSURE = Aiding(velocity=True), Aiding(depth=True)
 CONSTANT, QUIET = "constant", "quiet leg first"
@@ -97,7 +97,7 @@ def table_row(
     printed_rank: int | None = None,
     verdict: str | None = None,
 ) -> dict[str, Any]:
-    """A finding as a row of `tables.observability.OBSERVABILITY`."""
+    """A finding as a row of `files.columns.OBSERVABILITY`."""
     return {
         "case": case,
         "aiding": aiding.name,
@@ -125,7 +125,7 @@ def _paper_verdict(found: Finding, printed: int) -> str:
 
 
 def paper_table() -> pl.DataFrame:
-    """The six cases of the 2015 paper, each window and sign: `tables.observability.OBSERVABILITY`.
+    """The six cases of the 2015 paper, each window and sign: `files.columns.OBSERVABILITY`.
 
     Examples:
         >>> table = paper_table()
@@ -175,7 +175,7 @@ def mask_table(
     earth_rate_radps: float,
     schedule: Schedule,
 ) -> pl.DataFrame:
-    """Rank and unobservable directions of a truth for every mask: `tables.observability.OBSERVABILITY`.
+    """Rank and unobservable directions of a truth for every mask: `files.columns.OBSERVABILITY`.
 
     Args:
         truth: any truth.

@@ -23,8 +23,7 @@ from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, next_segment
 from bottomlock.plant.swim import Integration, sampled, steps_per_tick
 from bottomlock.plant.trim import start_state
-from bottomlock.truth.ellipsoid import EllipsoidPath
-from bottomlock.truth.truth import sample_times_ns
+from bottomlock.truth import EllipsoidPath, sample_times_ns
 
 
 @dataclass(frozen=True)

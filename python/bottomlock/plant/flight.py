@@ -15,7 +15,7 @@ from bottomlock.plant.path import cross_track_m
 from bottomlock.plant.swim import StateHistory, swim
 from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 
 def inertial_measurements(

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from bottomlock import units
 from bottomlock.config.sensors import Depth, Gps, Magnetometer
 from bottomlock.errors import ScenarioError
+from bottomlock.libraries import install
 from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.maths import FloatArray, IntArray
-from bottomlock.support.extras import install
 
 BoolArray = NDArray[np.bool_]
 

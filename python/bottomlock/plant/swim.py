@@ -16,7 +16,7 @@ from bottomlock.plant.model import Derivative, Error, Row
 from bottomlock.plant.path import guide_rows, next_segment
 from bottomlock.plant.trim import start_state
 from bottomlock.plant.vehicle import Vehicle
-from bottomlock.truth.truth import sample_times_ns
+from bottomlock.truth import sample_times_ns
 
 Step: TypeAlias = Callable[
     [list[Number], list[Number], Row[Number], Row[Number], Segment[Number], Error[Number]],

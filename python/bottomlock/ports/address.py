@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import AfterValidator, ValidationInfo
 
 from bottomlock.config.section import in_folder
-from bottomlock.support.nearest import nearest
+from bottomlock.text import nearest
 
 Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "ros"]
 FORMS: dict[Kind, str] = {

@@ -16,9 +16,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field
 
 from bottomlock.errors import ScenarioError, note
+from bottomlock.libraries import mavlink
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port, RateHz
-from bottomlock.support.extras import mavlink
 from bottomlock.units import ns_from_s
 
 MAX_RATE_HZ: float = 10.0

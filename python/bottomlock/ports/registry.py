@@ -19,7 +19,7 @@ from bottomlock.ports.ros_velocity import RosOdometry, RosTransform, RosTwist, R
 from bottomlock.ports.sentence import Sentence
 from bottomlock.ports.vision_position_delta import VisionPositionDelta
 from bottomlock.ports.vision_speed_estimate import VisionSpeedEstimate
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 _CLASSES: tuple[type[Port], ...] = (
     VisionPositionDelta, VisionSpeedEstimate, Odometry, DistanceSensor, MicroStrain, RosVelocity, RosTwist, RosDvl,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bottomlock.kernel import EARTH_RATE_RADPS
+from bottomlock.libraries import transform
 from bottomlock.recordings.streams import Attitudes, Floats, Times
-from bottomlock.support.later import transform
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.support.later import transform
+from bottomlock.libraries import transform
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation, Slerp

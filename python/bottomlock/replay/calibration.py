@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.errors import ScenarioError
 from bottomlock.files.atomic_write import write_text
 from bottomlock.files.overwriting import check_free
+from bottomlock.files.replay_tables import CALIBRATION, RECORDED
 from bottomlock.io.beams import Instrument, geometry_text
 from bottomlock.io.calibrated_file import Calibrated, calibrated_text
 from bottomlock.kernel import STATES
@@ -19,7 +20,6 @@ from bottomlock.recordings.axes import from_angles
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import Rerun
-from bottomlock.tables.replay import CALIBRATION, RECORDED
 
 PARAMETERS = ("mounting_forward", "mounting_right", "mounting_down", "clock_offset", "scale")
 UNITS = ("deg", "deg", "deg", "s", "%")
@@ -32,7 +32,7 @@ two of a velocity that the beams leave open."""
 
 
 def calibration_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per method and parameter, from the whole log (`tables.replay.CALIBRATION`); empty without the states."""
+    """A row per method and parameter, from the whole log (`replay_tables.CALIBRATION`); empty without the states."""
     result = rerun.result
     parts = []
     for index, method in enumerate(case.replay.filters if "calibration" in result else ()):

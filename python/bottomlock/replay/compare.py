@@ -7,16 +7,7 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
-from bottomlock.kernel import FIX_STATUS
-from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.recordings.axes import from_quaternions, to_angles
-from bottomlock.recordings.geodesy import geodetic_from_tangent
-from bottomlock.recordings.streams import Floats, Times
-from bottomlock.replay.case import Case
-from bottomlock.replay.rerun import PreparedRun, Rerun
-from bottomlock.replay.streams import Streams
-from bottomlock.replay.vehicle_motion import level_axes
-from bottomlock.tables.replay import (
+from bottomlock.files.replay_tables import (
     CURRENTS,
     FORWARD,
     IMU_FAULTS,
@@ -26,6 +17,15 @@ from bottomlock.tables.replay import (
     innovations_schema,
     pings_schema,
 )
+from bottomlock.kernel import FIX_STATUS
+from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.recordings.axes import from_quaternions, to_angles
+from bottomlock.recordings.geodesy import geodetic_from_tangent
+from bottomlock.recordings.streams import Floats, Times
+from bottomlock.replay.case import Case
+from bottomlock.replay.rerun import PreparedRun, Rerun
+from bottomlock.replay.streams import Streams
+from bottomlock.replay.vehicle_motion import level_axes
 
 _NED, _AXES, _ANGLES = ("north", "east", "down"), ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 
@@ -43,7 +43,7 @@ def filter_passes(case: Case, rerun: Rerun) -> Iterator[tuple[str, str, dict[str
 
 
 def samples_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per method, pass and time (`tables.replay.REPLAY_SAMPLES`)."""
+    """A row per method, pass and time (`files.replay_tables.REPLAY_SAMPLES`)."""
     parts = []
     prepared = rerun.prepared
     for name, method, states in filter_passes(case, rerun):
@@ -130,7 +130,7 @@ def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floa
 
 
 def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per method and ping (`tables.replay.innovations_schema`)."""
+    """A row per method and ping (`files.replay_tables.innovations_schema`)."""
     prepared, result = rerun.prepared, rerun.result
     times = prepared.streams.beams.time_ns[prepared.pings]
     beams = rerun.valid.shape[1]
@@ -152,7 +152,7 @@ def innovations_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
 
 
 def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per ping (`tables.replay.pings_schema`)."""
+    """A row per ping (`files.replay_tables.pings_schema`)."""
     prepared = rerun.prepared
     beams = prepared.streams.beams
     times, velocity = beams.time_ns[prepared.pings], beams.velocity_mps[prepared.pings]
@@ -164,7 +164,7 @@ def pings_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
 
 
 def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """One row: inertial readings rejected, and gaps between them inflated (`tables.replay.IMU_FAULTS`)."""
+    """One row: inertial readings rejected, and gaps between them inflated (`files.replay_tables.IMU_FAULTS`)."""
     counts = rerun.result["imu_faults"]
     inflated = counts["inflated_gaps"]
     columns = {"imu_rejected": [sum(counts.values()) - inflated], "imu_gaps_inflated": [inflated]}
@@ -172,7 +172,7 @@ def imu_faults_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
 
 
 def path_table(streams: Streams) -> pl.DataFrame | None:
-    """Positions of the reference (`tables.replay.PATH`), or None without positions."""
+    """Positions of the reference (`files.replay_tables.PATH`), or None without positions."""
     reference = streams.reference
     if reference is None or reference.position_t_m is None:
         return None
@@ -187,7 +187,7 @@ def path_table(streams: Streams) -> pl.DataFrame | None:
 
 
 def currents_table(case: Case, what_if: str, rerun: Rerun) -> pl.DataFrame:
-    """A row per method that uses the water and time (`tables.replay.CURRENTS`); empty where nothing measures it."""
+    """A row per method that uses the water and time (`replay_tables.CURRENTS`); empty where nothing measures it."""
     parts, sections = [pl.DataFrame(schema=dict(CURRENTS))], rerun.prepared.streams.through_water
     for index, method in enumerate(case.replay.filters):
         if not any(sensor.startswith(sections) for sensor in rerun.result["sensors"][index] if sections):

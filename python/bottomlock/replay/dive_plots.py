@@ -9,6 +9,7 @@ import polars as pl
 
 from bottomlock.figures.palette import stroke
 from bottomlock.figures.series import Figure, Floats, Frame, Times, Track, frame_of
+from bottomlock.files.replay_tables import FORWARD, SMOOTHED, ReplayTables
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
 from bottomlock.recordings.geodesy import radii_m
@@ -24,7 +25,6 @@ from bottomlock.replay.panels import (
     state_panels,
     times,
 )
-from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 REFERENCE = "reference"
 SPAN = 1.5

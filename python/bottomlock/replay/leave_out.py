@@ -16,6 +16,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.files.replay_tables import SCORES
 from bottomlock.kernel import BeamGeometry, FixMethod, VelocityFixes
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.robust import sd_about_zero
@@ -23,7 +24,6 @@ from bottomlock.recordings.streams import Flags, Floats, Times
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.robust_fix import screen_beams, solve_scaled
 from bottomlock.statistics.rms import rms
-from bottomlock.tables.replay import SCORES
 
 ALONE: tuple[FixMethod, ...] = ("lc", "nsv", "plcf", "weak_sway")
 """Methods that need no INS: least squares, sway zero, the components that are determined, the weak sway row."""
@@ -100,7 +100,7 @@ def leave_out(
     robust: bool = True,
     instrument_valid: Flags | None = None,
 ) -> pl.DataFrame:
-    """Scores of every method with every set of `beams` beams left out (`tables.replay.SCORES`).
+    """Scores of every method with every set of `beams` beams left out (`files.replay_tables.SCORES`).
 
     Args:
         geometry: four beams or more, of rank 3.
@@ -222,7 +222,7 @@ class _Scored:
 def _scores(
     pings: _Scored, lost: Sequence[int], method: FixMethod, shown: Flags, all_beams: VelocityFixes
 ) -> list[tuple[object, ...]]:
-    """Rows of `tables.replay.SCORES` of one method without these beams.
+    """Rows of `files.replay_tables.SCORES` of one method without these beams.
 
     The remaining beams are in both velocities. With response J, covariance C of the method and W of all beams, the
     covariance of the difference is C + W − J W − W Jᵀ.
@@ -250,7 +250,7 @@ def _scores(
 
 
 def _numbers(error: Floats, error_sd: Floats, halfwidths: Floats) -> tuple[object, ...]:
-    """Columns of `tables.replay.SCORES` from `pings` on; `halfwidths` (n, 3) are in standard deviations."""
+    """Columns of `files.replay_tables.SCORES` from `pings` on; `halfwidths` (n, 3) are in standard deviations."""
     solved = np.isfinite(error)
     if not solved.any():
         return (len(error), 0, *[None] * 9)

@@ -7,12 +7,13 @@ from typing import Any
 import polars as pl
 from matplotlib.figure import Figure
 
+from bottomlock.files.replay_tables import FORWARD, ReplayTables
 from bottomlock.pages.page import Block, Coloured, Detail, Page, Part, Picture, Table, Terms, Viewer, listed
-from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, number, title_of
+from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, title_of
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.findings.trust import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
-from bottomlock.tables.replay import FORWARD, ReplayTables
+from bottomlock.text import number
 
 _ERRORS = {
     "End, m": "position_final_m",

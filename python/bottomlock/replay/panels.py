@@ -9,9 +9,9 @@ from scipy.stats import chi2
 
 from bottomlock.figures.palette import FAINT, draw_order, stroke
 from bottomlock.figures.series import BEAM_COLOURS, Curve, Floats, Panel, Times, valid_panel
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.statistics.replay import error_norms
-from bottomlock.tables.replay import FORWARD
 
 REFERENCE_COLOUR, REJECTED_COLOUR, PITCH_COLOUR = "#8b949e", "#d6391f", "#f56803"
 DASHED = (5.0, 2.0)
@@ -43,7 +43,7 @@ def state_panels(samples: pl.DataFrame, method: str, which: str = FORWARD) -> di
     """Panels of a method in one case by quantity, over dead reckoning: velocity and depth with ±σ, σ of the position.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of one what-if case.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of one what-if case.
         method, which: method and pass.
     """
     rows = samples.filter((pl.col("method") == method) & (pl.col("pass") == which))
@@ -132,7 +132,7 @@ def error_panels(samples: pl.DataFrame, methods: Sequence[str], which: str = FOR
     """Errors against the reference, norms over axes; dotted the standard deviation of each filter.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of one what-if case.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of one what-if case.
         methods: which to draw.
         which: pass.
     """
@@ -184,7 +184,7 @@ def nis_panel(
     no curve.
 
     Args:
-        innovations: `tables.replay.innovations_schema` of one what-if case.
+        innovations: `files.replay_tables.innovations_schema` of one what-if case.
         methods: which to draw.
         least_ratio: what Gaussian noise as claimed leads to under the weights of heavy tails.
         compared: whether methods are compared; else the pings of one are drawn too.

@@ -15,6 +15,7 @@ from bottomlock.figures.map import scale_words, shown_frame
 from bottomlock.figures.series import Figure, Panel, Track
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
+from bottomlock.files.replay_tables import FORWARD, SMOOTHED, ReplayTables
 from bottomlock.kernel.models import Robust
 from bottomlock.pages.page import Pictures, html
 from bottomlock.pages.pieces import explained
@@ -33,7 +34,6 @@ from bottomlock.replay.panels import (
 )
 from bottomlock.replay.run import open_folder, replay_case, write_replay
 from bottomlock.statistics.replay import summary_table
-from bottomlock.tables.replay import FORWARD, SMOOTHED, ReplayTables
 
 PAGE = "report.html"
 BEAM_ROWS = ("tc", "sway_current")

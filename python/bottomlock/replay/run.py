@@ -15,6 +15,8 @@ from bottomlock.files.atomic_write import write_parquet
 from bottomlock.files.output_folder import is_occupied, locked
 from bottomlock.files.overwriting import check_apart, named_in, remove_named
 from bottomlock.files.records import read_record, sha256_of, write_record
+from bottomlock.files.replay_tables import RECORDED, ReplayTables
+from bottomlock.files.versions import library_versions
 from bottomlock.kernel import KernelError
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay import compare, rerun
@@ -28,8 +30,6 @@ from bottomlock.replay.model import kernel_options
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.reckon import measured, reckon
 from bottomlock.statistics.replay import runs_table
-from bottomlock.tables.replay import RECORDED, ReplayTables
-from bottomlock.tables.versions import library_versions
 
 MANIFEST = "manifest.json"
 TABLES = ("runs", "samples", "innovations", "pings")

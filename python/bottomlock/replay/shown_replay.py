@@ -10,6 +10,7 @@ import polars as pl
 from bottomlock.errors import DataError
 from bottomlock.figures.drawing import shown
 from bottomlock.figures.series import Figure, Panel
+from bottomlock.files.replay_tables import FORWARD, SMOOTHED
 from bottomlock.pages.page import Table
 from bottomlock.pages.pieces import notebook_table, title_of
 from bottomlock.replay.case import Case, load_case
@@ -18,8 +19,7 @@ from bottomlock.replay.page import featured_in, results_table
 from bottomlock.replay.panels import STATES, beams_panel, nis_panel, state_panels
 from bottomlock.replay.report import least_ratio_of, read_replay, run_and_report
 from bottomlock.statistics.replay import comparison_table, summary_table
-from bottomlock.support.nearest import did_you_mean
-from bottomlock.tables.replay import FORWARD, SMOOTHED
+from bottomlock.text import did_you_mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,13 +35,13 @@ class Replay:
     Attributes:
         folder, tables: of the replay.
         manifest: the content of `manifest.json`.
-        runs: a row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`).
-        samples: estimates, errors and claimed σ against time (`tables.replay.REPLAY_SAMPLES`).
-        innovations: a row per what-if case, method and ping (`tables.replay.innovations_schema`).
-        pings: the beams as the filters received them (`tables.replay.pings_schema`).
-        reference: positions of the reference (`tables.replay.PATH`); None without them.
-        calibration: estimated parameters of the DVL (`tables.replay.CALIBRATION`); None where they are no states.
-        currents: the estimated current (`tables.replay.CURRENTS`); None where it is no state.
+        runs: a row per what-if case, method and pass (`files.replay_tables.REPLAY_RUNS`).
+        samples: estimates, errors and claimed σ against time (`files.replay_tables.REPLAY_SAMPLES`).
+        innovations: a row per what-if case, method and ping (`files.replay_tables.innovations_schema`).
+        pings: the beams as the filters received them (`files.replay_tables.pings_schema`).
+        reference: positions of the reference (`files.replay_tables.PATH`); None without them.
+        calibration: estimated parameters of the DVL (`files.replay_tables.CALIBRATION`); None where they are no states.
+        currents: the estimated current (`files.replay_tables.CURRENTS`); None where it is no state.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -101,7 +101,7 @@ class Replay:
         """The replay beside another of the same dive, with other methods or settings; differences are to the other.
 
         Returns:
-            `tables.replay.REPLAY_COMPARISON`: a row per what-if case, method, pass and quantity that both have.
+            `files.replay_tables.REPLAY_COMPARISON`: a row per what-if case, method, pass and quantity that both have.
 
         Raises:
             DataError: for what is no replay, and for replays of different recordings.

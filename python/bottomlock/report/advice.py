@@ -13,12 +13,11 @@ from typing import Any
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.files.campaign_tables import CampaignTables
+from bottomlock.files.columns import CURRENT, PUBLISHED, check
 from bottomlock.statistics.campaign import runs_mostly_rejected
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT
 from bottomlock.statistics.run_errors import RunErrors
-from bottomlock.tables.check import check
-from bottomlock.tables.results import CampaignTables
-from bottomlock.tables.studies import CURRENT, PUBLISHED
 
 FILE = "published.parquet"
 
@@ -51,7 +50,7 @@ class Standing:
 
 
 def load_published() -> pl.DataFrame:
-    """The packaged table, `tables.studies.PUBLISHED`.
+    """The packaged table, `files.columns.PUBLISHED`.
 
     >>> load_published().columns[:4]
     ['world', 'method', 'trajectory', 'beams']
@@ -177,7 +176,7 @@ def advise(
     Args:
         campaign: its tables.
         errors: the errors run by run of each trajectory, by its name.
-        published: `tables.studies.PUBLISHED`; the packaged one by default.
+        published: `files.columns.PUBLISHED`; the packaged one by default.
     """
     published = load_published() if published is None else published
     judged = [_judge(campaign, name, errors[name]) for name in campaign.trajectories]

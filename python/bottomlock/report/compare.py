@@ -9,13 +9,12 @@ import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.campaign_tables import CampaignTables, campaign_folders, read_campaign_tables
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.page import Coloured, Page, Part, Table, html
-from bottomlock.pages.pieces import interval, number, title_of
+from bottomlock.pages.pieces import interval, title_of
 from bottomlock.statistics.compare import comparison_table, differing_settings, why_unpaired
-from bottomlock.support.nearest import did_you_mean
-from bottomlock.tables.results import CampaignTables, read_campaign_tables
-from bottomlock.tables.studies import campaign_folders
+from bottomlock.text import did_you_mean, number
 
 NAME = "compare"
 """Of the written files: `compare.html` and `.parquet`."""
@@ -29,7 +28,7 @@ _INTERVALS = (
 
 @dataclass(frozen=True)
 class Comparison:
-    """The table (`tables.studies.COMPARISON`), why pairs are none by trajectory and campaign, and the written page."""
+    """The table (`files.columns.COMPARISON`), why pairs are none by trajectory and campaign, and the written page."""
 
     table: pl.DataFrame
     reference: str

@@ -20,13 +20,13 @@ from bottomlock.figures.campaign import (
 )
 from bottomlock.figures.paths import path_figure
 from bottomlock.figures.series import Figure, Panel
+from bottomlock.files.campaign_tables import CampaignTables
+from bottomlock.files.columns import CURRENT, VIRTUAL_BEAM_FACTOR
 from bottomlock.pages.page import Picture, Pictures
 from bottomlock.pages.pieces import featured, title_of
-from bottomlock.paper.claims import Paper, ValueClaim
 from bottomlock.report.advice import Advice, Choice
+from bottomlock.statistics.claims import Paper, ValueClaim
 from bottomlock.statistics.run_errors import RunErrors, velocity_calibration
-from bottomlock.tables.results import CampaignTables
-from bottomlock.tables.studies import CURRENT, VIRTUAL_BEAM_FACTOR
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def sweeps(content: Content, number: int, parameter: str, rows: pl.DataFrame) ->
         content: of the page.
         number: of the setting, in the names of the files.
         parameter: the setting.
-        rows: of `tables.studies.SWEEP`, its own.
+        rows: of `files.columns.SWEEP`, its own.
     """
     for (trajectory,), here in rows.group_by("trajectory", maintain_order=True):
         error_mps = here["velocity_rms_over_runs_mps"]

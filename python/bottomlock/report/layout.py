@@ -6,10 +6,10 @@ from typing import Any
 
 import polars as pl
 
+from bottomlock.files.campaign_tables import CampaignTables
+from bottomlock.files.columns import VIRTUAL_BEAM_FACTOR
 from bottomlock.pages.page import Block, Coloured, Detail, Page, Part, Table, Terms
-from bottomlock.pages.pieces import glossaries, interval, json_part, number, title_of
-from bottomlock.paper.claims import Claim, ImprovementClaim, ValueClaim
-from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.pages.pieces import glossaries, interval, json_part, title_of
 from bottomlock.report.advice import REFERENCES, Advice, Choice, swept_current, untested_in_current
 from bottomlock.report.drawings import (
     Content,
@@ -21,9 +21,10 @@ from bottomlock.report.drawings import (
     virtual_beam,
 )
 from bottomlock.statistics.campaign import runs_mostly_rejected, summary_table
+from bottomlock.statistics.claim_verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.statistics.claims import Claim, ImprovementClaim, ValueClaim
 from bottomlock.statistics.compare import flat_settings
-from bottomlock.tables.results import CampaignTables
-from bottomlock.tables.studies import VIRTUAL_BEAM_FACTOR
+from bottomlock.text import number
 
 _CALIBRATION = """\
 Left figure: a method moves along its curve with time. **On the diagonal** the error is as large as the filter claims.

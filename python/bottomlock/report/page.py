@@ -6,15 +6,15 @@ from pathlib import Path
 import polars as pl
 
 from bottomlock.files.atomic_write import parquet_bytes
+from bottomlock.files.campaign_tables import read_campaign_tables
 from bottomlock.files.overwriting import Files, Result, digests_of
 from bottomlock.pages.page import html
-from bottomlock.paper.claims import load_paper
-from bottomlock.paper.verdicts import claims_table, flown
 from bottomlock.report.advice import advise, choose
 from bottomlock.report.drawings import Content
 from bottomlock.report.layout import page_of
+from bottomlock.statistics.claim_verdicts import claims_table, flown
+from bottomlock.statistics.claims import load_paper
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.tables.results import read_campaign_tables
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""From a scenario to what the kernel takes: build, measurement schedule, beam loss, sensor streams."""
+"""From a scenario to what the kernel takes: true motion, build, measurement schedule, beam loss, sensor streams."""

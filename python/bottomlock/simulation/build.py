@@ -19,13 +19,12 @@ from bottomlock.plant.seabed import GridSeabed, Seabed, seabed_from_table
 from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
 from bottomlock.plant.trim import check_stability
+from bottomlock.simulation.analytic import analytic_truth
 from bottomlock.simulation.own_path import own_path, with_path
-from bottomlock.truth.analytic import analytic_truth
-from bottomlock.truth.ellipsoid import on_ellipsoid
-from bottomlock.truth.path import Path as OwnPath
-from bottomlock.truth.path import path_truth
-from bottomlock.truth.path_summary import PathSummary
-from bottomlock.truth.truth import Truth
+from bottomlock.simulation.path import Path as OwnPath
+from bottomlock.simulation.path import path_truth
+from bottomlock.simulation.path_check import PathSummary
+from bottomlock.truth import Truth, on_ellipsoid
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import numpy as np
 from bottomlock import kernel
 from bottomlock.kernel.models import InitialState
 from bottomlock.simulation.build import Simulation
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 
 def closure(simulation: Simulation, truth: Truth) -> tuple[float, float]:

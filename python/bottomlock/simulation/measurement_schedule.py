@@ -15,7 +15,7 @@ from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
 from bottomlock.simulation.build import Simulation
 from bottomlock.simulation.sensor_times import epochs_ns
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -7,7 +7,7 @@ import numpy as np
 from bottomlock.config.scenario import Scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.track import read_track
-from bottomlock.truth.path import Path
+from bottomlock.simulation.path import Path
 
 _LATITUDE_TOLERANCE_DEG = 0.1
 """Of a latitude that the scenario states as well: gravity and Earth rate differ by some 1e-5 and 1e-3 of themselves."""

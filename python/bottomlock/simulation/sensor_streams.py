@@ -11,7 +11,7 @@ from bottomlock.plant.beam_loss import noisy_ranges
 from bottomlock.plant.flight import euler_rad
 from bottomlock.simulation.build import Simulation, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 
 ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 

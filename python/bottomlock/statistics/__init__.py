@@ -1,1 +1,1 @@
-"""Statistics from tables: expressions over data frames, no kernel calls, no figures."""
+"""Statistics from tables, and the paper's claims judged by them: no kernel calls, no figures."""

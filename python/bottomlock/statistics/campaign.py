@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.files.columns import CONSISTENCY_MEANS, ENSEMBLE, RUNS
 from bottomlock.statistics.chi_squared import family_band, judged_samples, verdict
 from bottomlock.statistics.rms import bootstrap_rms, combined_rms, rms_column
-from bottomlock.tables.campaign import CONSISTENCY_MEANS, ENSEMBLE, RUNS
 from bottomlock.units import DEGREES_PER_RADIAN
 
 NORMS = ("velocity_mps", "attitude_deg", "position_m", "nees", "nees_velocity_attitude")
@@ -34,7 +34,7 @@ def error_norms(samples: pl.DataFrame) -> pl.DataFrame:
 
 
 def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
-    """A row per trajectory, run and method (`tables.campaign.RUNS`)."""
+    """A row per trajectory, run and method (`files.columns.RUNS`)."""
     keys = ["trajectory", "run", "method"]
     ordered = norms.sort("time_ns", maintain_order=True)
     table = ordered.group_by(keys, maintain_order=True).agg(
@@ -52,7 +52,7 @@ def runs_table(norms: pl.DataFrame, counts: pl.DataFrame) -> pl.DataFrame:
 def ensemble_rows(
     trajectory: str, method: str, time_ns: NDArray[np.int64], errors: Mapping[str, NDArray[np.float64]]
 ) -> pl.DataFrame:
-    """A row per second of one method (`tables.campaign.ENSEMBLE`).
+    """A row per second of one method (`files.columns.ENSEMBLE`).
 
     Args:
         trajectory: its name.
@@ -112,7 +112,7 @@ def consistency_rows(
 
 
 def judge(means: pl.DataFrame) -> pl.DataFrame:
-    """The verdicts (`tables.campaign.CONSISTENCY`) on all means of a campaign or study, which are one family."""
+    """The verdicts (`files.columns.CONSISTENCY`) on all means of a campaign or study, which are one family."""
     family = max(1, int(means.filter(pl.col("mean").is_not_null())["times"].sum()))
     rows = means.select("least", "greatest", "runs", "degrees").rows()
     bands = [family_band(degrees, runs, family) for _, _, runs, degrees in rows]
@@ -140,7 +140,7 @@ def ensemble_and_consistency(
     *,
     full_degrees: int,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """The tables over all runs of a trajectory: `tables.campaign.ENSEMBLE`, and means of NEES for `judge`.
+    """The tables over all runs of a trajectory: `files.columns.ENSEMBLE`, and means of NEES for `judge`.
 
     Args:
         trajectory: its name.
@@ -166,8 +166,8 @@ def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
     """A row per trajectory and method: RMS over runs at the last second, NEES and gate.
 
     Args:
-        ensemble: `tables.campaign.ENSEMBLE`.
-        runs: `tables.campaign.RUNS`.
+        ensemble: `files.columns.ENSEMBLE`.
+        runs: `files.columns.RUNS`.
 
     Returns:
         The columns of `ensemble` at the last second, without its NEES, and `nees_mean_over_runs_and_time`,
@@ -186,5 +186,5 @@ def summary_table(ensemble: pl.DataFrame, runs: pl.DataFrame) -> pl.DataFrame:
 
 
 def runs_mostly_rejected(runs: pl.DataFrame) -> int:
-    """Number of runs (`tables.campaign.RUNS`) in which the gate rejects more than half of the fixes."""
+    """Number of runs (`files.columns.RUNS`) in which the gate rejects more than half of the fixes."""
     return int((runs["fixes_rejected"] > runs["fixes_accepted"]).sum())

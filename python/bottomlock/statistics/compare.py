@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from bottomlock.files.campaign_tables import CampaignResults
+from bottomlock.files.columns import COMPARISON
 from bottomlock.statistics.rms import INTERVAL_PERCENT, bootstrap_weights, combined_rms
-from bottomlock.tables.results import CampaignResults
-from bottomlock.tables.studies import COMPARISON
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ QUANTITIES: Mapping[str, tuple[str, str, bool]] = {
     "position at the end": ("position_final_m", "m", True),
     "NEES": ("nees_mean_over_time", "1", False),
 }
-"""Column of `tables.campaign.RUNS` of each quantity, its unit, and whether it is RMS over runs or a mean."""
+"""Column of `files.columns.RUNS` of each quantity, its unit, and whether it is RMS over runs or a mean."""
 
 SAME_TRUTH = ("trajectory", "mission", "environment", "seabed")
 """Sections of a scenario that decide the true motion and the bottom."""
@@ -31,7 +31,7 @@ INDEPENDENT_KEY = 1
 
 
 def comparison_table(campaigns: Mapping[str, CampaignResults], reference: str) -> pl.DataFrame:
-    """A row per campaign, trajectory, method and quantity (`tables.studies.COMPARISON`)."""
+    """A row per campaign, trajectory, method and quantity (`files.columns.COMPARISON`)."""
     rows: list[tuple[Any, ...]] = []
     base = campaigns[reference]
     for label, campaign in campaigns.items():

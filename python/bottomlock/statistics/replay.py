@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from bottomlock.files.replay_tables import REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
 from bottomlock.statistics.rms import rms_column, root_mean
-from bottomlock.tables.replay import REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
 from bottomlock.units import DEGREES_PER_RADIAN
 
 _KEYS = ["case", "what_if", "method", "pass"]
@@ -76,9 +76,9 @@ def runs_table(
     path: pl.DataFrame | None,
     start_ns: int,
 ) -> pl.DataFrame:
-    """A row per what-if case, method and pass (`tables.replay.REPLAY_RUNS`); distance from `start_ns` on.
+    """A row per what-if case, method and pass (`files.replay_tables.REPLAY_RUNS`); distance from `start_ns` on.
 
-    The counts of `imu_faults` (`tables.replay.IMU_FAULTS`) are those of every method.
+    The counts of `imu_faults` (`files.replay_tables.IMU_FAULTS`) are those of every method.
     """
     norms = error_norms(samples)
     reached = pl.col("time_ns").is_between(start_ns, pl.lit(samples["time_ns"].max()))
@@ -176,10 +176,10 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
 def comparison_table(
     ours: tuple[pl.DataFrame, pl.DataFrame], theirs: tuple[pl.DataFrame, pl.DataFrame]
 ) -> pl.DataFrame:
-    """Two replays side by side (`tables.replay.REPLAY_COMPARISON`), in what both have.
+    """Two replays side by side (`files.replay_tables.REPLAY_COMPARISON`), in what both have.
 
     Args:
-        ours: `tables.replay.REPLAY_RUNS` and `REPLAY_SAMPLES` of one.
+        ours: `files.replay_tables.REPLAY_RUNS` and `REPLAY_SAMPLES` of one.
         theirs: the same of the other.
     """
     keys = ["what_if", "method", "pass"]

@@ -7,9 +7,9 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.files.campaign_tables import CampaignTables, read_samples
+from bottomlock.files.columns import COMPONENTS, SAMPLES, UNITS
 from bottomlock.statistics.rms import Array, combined_rms, mean_square, rms
-from bottomlock.tables.campaign import COMPONENTS, SAMPLES, UNITS
-from bottomlock.tables.results import CampaignTables, read_samples
 from bottomlock.units import DEGREES_PER_RADIAN
 
 
@@ -23,7 +23,7 @@ class RunErrors:
         heading_deg: size of the misalignment about the vertical.
         velocity_sd_mps: root of the sum of the three claimed variances.
         nees: of the whole state.
-        normalised_rms: (9,) RMS over runs and times of error/σ, for each of `tables.campaign.COMPONENTS`.
+        normalised_rms: (9,) RMS over runs and times of error/σ, for each of `files.columns.COMPONENTS`.
     """
 
     time_s: Array

@@ -12,7 +12,7 @@ from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.scenario import Scenario
 from bottomlock.config.sensors import AcousticPosition, Depth, Gps, Heading, Magnetometer
 from bottomlock.errors import ScenarioError
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 PAPER_TRAJECTORIES = ("straight", "figure_eight", "lawn_mower")
 """The packaged scenarios of the 2017 paper."""

@@ -13,13 +13,13 @@ import polars as pl
 
 from bottomlock.campaign.run import CampaignProgress, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
+from bottomlock.files.columns import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 from bottomlock.files.output_folder import locked
 from bottomlock.files.records import write_recorded_table
 from bottomlock.kernel import RECOMMENDED_METHOD
-from bottomlock.paper.claims import CauseClaim, load_paper
 from bottomlock.report.page import Report, make_report
+from bottomlock.statistics.claims import CauseClaim, load_paper
 from bottomlock.studies.cases import PAPER_TRAJECTORIES
-from bottomlock.tables.studies import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def run_sweep(
     """Runs every value of every setting on scenarios with a vehicle, with the same sensor errors for all.
 
     Returns:
-        `tables.studies.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
+        `files.columns.SWEEP`: RMS over runs at the end, mean NEES, rejected fraction of the fixes.
 
     Raises:
         As `run_campaign`.

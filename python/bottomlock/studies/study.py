@@ -8,11 +8,10 @@ import polars as pl
 
 from bottomlock.campaign.run import CampaignProgress, Results, run_campaign
 from bottomlock.config.scenario import Scenario
+from bottomlock.files.columns import CONSISTENCY_MEANS, STUDY
 from bottomlock.statistics.campaign import judge
 from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.studies import cases
-from bottomlock.tables.campaign import CONSISTENCY_MEANS
-from bottomlock.tables.studies import STUDY
 
 BLIND = ("ins", "lc")
 """Methods whose beams do not depend on the mask: flown once, with all beams."""
@@ -100,7 +99,7 @@ def study(
         progress: called with the combination as trajectory, and as runs of the campaign those of the whole study.
 
     Returns:
-        `tables.studies.STUDY`, a row a cell; its verdicts are one family.
+        `files.columns.STUDY`, a row a cell; its verdicts are one family.
 
     Raises:
         As `run_campaign`.

@@ -8,7 +8,7 @@ from bottomlock.figures.campaign import WIDE, places_of
 from bottomlock.figures.series import Figure
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.pages.page import Block, Page, Part, Picture, Pictures, Table, folded, listed
-from bottomlock.pages.pieces import featured, plain, title_of
+from bottomlock.pages.pieces import featured, title_of
 from bottomlock.statistics.chi_squared import (
     CONSERVATIVE,
     CONSISTENT,
@@ -19,6 +19,7 @@ from bottomlock.statistics.chi_squared import (
     judged_samples,
 )
 from bottomlock.studies.study import AS_CONFIGURED
+from bottomlock.text import plain
 
 MARKS = {CONSISTENT: "", OVERCONFIDENT: " ▲", CONSERVATIVE: " ▽"}
 
@@ -31,7 +32,7 @@ and attitude, is found nine times in ten."""
 
 
 def summary(table: pl.DataFrame) -> pl.DataFrame:
-    """A row a method of `tables.studies.STUDY`: its cells by verdict, least and greatest velocity error, m/s."""
+    """A row a method of `files.columns.STUDY`: its cells by verdict, least and greatest velocity error, m/s."""
     verdict, velocity = pl.col("verdict"), pl.col("velocity_rms_over_runs_mps")
     return table.group_by("method", maintain_order=True).agg(
         pl.len().alias("cells"),
@@ -65,7 +66,7 @@ def page(table: pl.DataFrame, run: Sequence[str], made_with: str, pictures: Pict
     """The page of a study.
 
     Args:
-        table: `tables.studies.STUDY`.
+        table: `files.columns.STUDY`.
         run: what was run, a line each.
         made_with: names and versions.
         pictures: to which its figures are added.

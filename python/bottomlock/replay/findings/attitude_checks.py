@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 from scipy.spatial.transform import Rotation
 
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.stream_sections import ImuStream
@@ -18,7 +19,6 @@ from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
 from bottomlock.replay.motion.gyros import SLOPE_S, Turns, turns_of
 from bottomlock.replay.rerun import PreparedRun
-from bottomlock.tables.replay import FORWARD
 
 LEVEL_S = 10.0
 """Interval over which the direction of gravity is compared."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.closure import closure_sd
@@ -44,7 +45,6 @@ from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.replay.vehicle_motion import at_imu, whole_pings
 from bottomlock.statistics.replay import track_table
-from bottomlock.tables.replay import FORWARD
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ def diagnose(
     Args:
         case: the case.
         prepared: its start and settings.
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
-        innovations: the same, `tables.replay.innovations_schema`.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
+        innovations: the same, `files.replay_tables.innovations_schema`.
         sensors: the same, of every method.
     """
     methods = case.replay.filters

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Times
@@ -20,7 +21,6 @@ from bottomlock.recordings.track_fit import TrackFit, fit_track
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.limits import AXES, LIMIT, LOST, TIMES, TURNED_SIGMAS, VAGUE, WORSE
 from bottomlock.replay.streams import Streams
-from bottomlock.tables.replay import FORWARD
 
 TRUSTED = ("tc", "info", "lc", "sway_current", "weak_sway")
 """Methods that claim to be consistent; `ins` has no aid and the others are the paper's."""
@@ -108,7 +108,7 @@ def agreements(samples: pl.DataFrame, methods: Sequence[str], reference_sd_m: fl
     """Every trusted method against dead reckoning; none where it was not possible.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
         methods: of the tables.
         reference_sd_m: 1 sigma of the reference along an axis.
     """

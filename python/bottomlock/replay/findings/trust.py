@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import polars as pl
 
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.kernel import RECOMMENDED_METHOD
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
@@ -28,7 +29,6 @@ from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
 from bottomlock.replay.findings.sway import Sway
 from bottomlock.replay.findings.tracks import TRUSTED, Agreement, metres
 from bottomlock.replay.findings.verdict import ABSORBED, WRONG, Innovations
-from bottomlock.tables.replay import FORWARD
 
 FREE = "ins"
 """Free inertial navigation, the comparison without a DVL."""
@@ -158,7 +158,7 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
     """A method against the reference, horizontally; None without positions.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
         method: whose.
         reference_sd_m: 1 sigma of the reference along an axis.
     """

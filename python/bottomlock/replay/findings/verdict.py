@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import chi2, norm
 
+from bottomlock.files.replay_tables import FORWARD
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment, Robust
 from bottomlock.recordings.finding import Finding, Severity
@@ -22,7 +23,6 @@ from bottomlock.replay.findings.limits import (
 )
 from bottomlock.replay.findings.tracks import Agreement, metres
 from bottomlock.statistics.chi_squared import CONSISTENT, OVERCONFIDENT, mean_band
-from bottomlock.tables.replay import FORWARD
 
 ABSORBED, WRONG = "absorbed", "wrong"
 PREFERRED = ("tc", "lc")
@@ -204,7 +204,7 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
     the start itself, whose deviations are given.
 
     Args:
-        samples: `tables.replay.REPLAY_SAMPLES` of the recording.
+        samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
         methods: of the case.
     """
     used = [m for m in (*PREFERRED, *methods) if m in methods and m != "ins"]
@@ -263,7 +263,7 @@ def earth_findings(environment: Environment, samples: pl.DataFrame) -> list[Find
 
     Args:
         environment: of the replay's model.
-        samples: `tables.replay.REPLAY_SAMPLES`, whose positions count.
+        samples: `files.replay_tables.REPLAY_SAMPLES`, whose positions count.
     """
     position = samples.select("north_m", "east_m", "down_m").drop_nulls().to_numpy()
     position = position[np.isfinite(position).all(axis=1)]

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.arrays import rising
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.streams import Flags, Floats, Integers, integrals
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.support.rising import rising
 
 NEAR = (0.5, 2.0)
 """Slopes of the rates over the gyros' from which the unit is right."""

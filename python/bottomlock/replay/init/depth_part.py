@@ -6,13 +6,13 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import detrend
 
+from bottomlock.arrays import rising
 from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.read_tables import PRESSURE_SI
-from bottomlock.support.rising import rising
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 DEEPEST_WAVES_M = 60.0

@@ -26,7 +26,7 @@ from bottomlock.replay.init.any_table import NAMES, AnyTable, read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
 from bottomlock.replay.init.found import Found, find_streams
 from bottomlock.replay.init.names import named
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 _Row = dict[str, float]
 

@@ -15,11 +15,11 @@ from bottomlock.errors import OutputError
 from bottomlock.files.atomic_write import plain, write_text
 from bottomlock.files.overwriting import check_apart, check_free
 from bottomlock.files.records import write_record
+from bottomlock.files.versions import library_versions
 from bottomlock.io.beams import geometry_text
 from bottomlock.replay.case import parse_case
 from bottomlock.replay.run import file_digests
 from bottomlock.replay.tune.run import Tuned, TunedParameter
-from bottomlock.tables.versions import library_versions
 
 KIND = "tune"
 

@@ -40,7 +40,7 @@ from bottomlock.replay.tune.passes import (
     read_recording,
     without_outliers,
 )
-from bottomlock.support.nearest import did_you_mean
+from bottomlock.text import did_you_mean
 
 SUM_S = 30.0
 """Span of the sums of innovations that are tested for whiteness."""

@@ -9,21 +9,21 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock import tables
+from bottomlock import files
 from bottomlock.config.imu import ImuLimits
 from bottomlock.config.scenario_sections import Filter, Robust
 from bottomlock.errors import DataError
+from bottomlock.files.columns import check
 from bottomlock.kernel import DEFAULT_OPTIONS, FIX_METHODS, METHODS
 from bottomlock.kernel.models import Options
 from bottomlock.statistics.rms import combined_rms, rms, rms_column
-from bottomlock.tables.check import check
 
 
 def schemas() -> dict[str, Mapping[str, pl.DataType]]:
     """Every table of the package by its name."""
     found: dict[str, Mapping[str, pl.DataType]] = {}
-    for module in pkgutil.iter_modules(tables.__path__):
-        content = vars(importlib.import_module(f"bottomlock.tables.{module.name}"))
+    for module in pkgutil.iter_modules(files.__path__):
+        content = vars(importlib.import_module(f"bottomlock.files.{module.name}"))
         found |= {
             f"{module.name}.{name}": value
             for name, value in content.items()

@@ -15,10 +15,17 @@ from bottomlock.config.scenario import EARTH_RATE_RADPS
 from bottomlock.config.trajectory import PathLimits
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track, read_track
-from bottomlock.truth.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p
-from bottomlock.truth.path_check import DEGREE, Peak, check_angles, check_rows, check_smooth, row_at
-from bottomlock.truth.path_summary import PathSummary
-from bottomlock.truth.truth import Array, Truth, sample_times_ns
+from bottomlock.simulation.analytic import Attitudes, ideal_inertial_readings, rate_tp, rotation_t_p
+from bottomlock.simulation.path_check import (
+    DEGREE,
+    PathSummary,
+    Peak,
+    check_angles,
+    check_rows,
+    check_smooth,
+    row_at,
+)
+from bottomlock.truth import Array, Truth, sample_times_ns
 
 _STEEPEST_RAD = np.deg2rad(85.0)
 _SLOWEST_MPS = 0.02

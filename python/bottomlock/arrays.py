@@ -1,4 +1,4 @@
-"""Times that rise."""
+"""Helpers on arrays that every room may use."""
 
 import numpy as np
 from numpy.typing import NDArray

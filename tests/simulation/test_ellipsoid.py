@@ -13,9 +13,8 @@ from bottomlock.kernel import models
 from bottomlock.recordings import geodesy
 from bottomlock.replay.findings.verdict import earth_findings
 from bottomlock.replay.vehicle_motion import level_axes
-from bottomlock.truth.analytic import Attitudes, sample_motion
-from bottomlock.truth.ellipsoid import EllipsoidPath, on_ellipsoid
-from bottomlock.truth.truth import Array, Truth
+from bottomlock.simulation.analytic import Attitudes, sample_motion
+from bottomlock.truth import Array, EllipsoidPath, Truth, on_ellipsoid
 from tests.oracle import geodesy as oracle_geodesy
 from tests.oracle import geodetic_navigation as oracle
 

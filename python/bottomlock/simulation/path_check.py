@@ -1,4 +1,4 @@
-"""Whether the rows of a path, and the motion through them, are those of a vehicle."""
+"""Whether the rows of a path, and the motion through them, are those of a vehicle; and what the path is like."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from bottomlock.config.trajectory import PathLimits
 from bottomlock.errors import DataError
 from bottomlock.io.track import Track
-from bottomlock.truth.truth import Array
+from bottomlock.truth import Array
 
 
 @dataclass(frozen=True)
@@ -197,3 +197,51 @@ def check_smooth(place: str, peaks: Mapping[str, Peak], limits: PathLimits) -> N
                 ),
                 hint=f"{WAYPOINTS}; trajectory.limits.{key} allows more",
             )
+
+
+_DEG = float(np.rad2deg(1.0))
+
+
+@dataclass(frozen=True)
+class PathSummary:
+    """A path at the IMU's rate.
+
+    Attributes:
+        place: the file.
+        columns: what was read.
+        rows: their number.
+        duration_s: of what is flown.
+        length_m: along the path.
+        speed_mps: least, mean, greatest.
+        depth_m: least and greatest.
+        attitude: where it comes from.
+        peaks: greatest "speed" (m/s), "acceleration" (m/s²), "jerk" (m/s³) and "turn rate" (rad/s).
+    """
+
+    place: str
+    columns: tuple[str, ...]
+    rows: int
+    duration_s: float
+    length_m: float
+    speed_mps: tuple[float, float, float]
+    depth_m: tuple[float, float]
+    attitude: str
+    peaks: Mapping[str, Peak]
+
+    def lines(self) -> list[str]:
+        """The summary as text."""
+        low, mean, high = self.speed_mps
+
+        def at(name: str, unit: str, scale: float = 1.0) -> str:
+            peak = self.peaks[name]
+            return f"{name} {peak.value * scale:.3g} {unit} (row {peak.row}, {peak.time_s:.1f} s)"
+
+        extent = (
+            f"{self.duration_s:.1f} s, {self.length_m:.1f} m, {low:.2f} to {high:.2f} m/s (mean {mean:.2f})"
+        )
+        return [
+            f"{self.place}: {self.rows} rows of {', '.join(self.columns)}",
+            f"{extent}, depth {self.depth_m[0]:.1f} to {self.depth_m[1]:.1f} m",
+            f"attitude: {self.attitude}",
+            f"greatest {at('acceleration', 'm/s²')}, {at('jerk', 'm/s³')}, {at('turn rate', 'deg/s', _DEG)}",
+        ]

@@ -9,10 +9,13 @@ from typing import Any
 import polars as pl
 
 from bottomlock.errors import DataError
+from bottomlock.files.columns import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES, SWEEP, check
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table, record_of
-from bottomlock.tables.campaign import CHOICES, CONSISTENCY, ENSEMBLE, PATHS, RUNS, SAMPLES
-from bottomlock.tables.check import check
-from bottomlock.tables.studies import SWEEP
+
+VARIANTS = "variants.json"
+"""In a folder of variants: their folders and values."""
+
+KIND = "variants"
 
 AGAIN = "the same command that made the campaign writes it again"
 
@@ -81,7 +84,7 @@ def read_campaign_tables(folder: Path) -> CampaignTables:
 
 
 def read_samples(campaign: CampaignTables, trajectory: str) -> Iterator[tuple[pl.DataFrame, int]]:
-    """The samples of one trajectory chunk by chunk (`tables.campaign.SAMPLES`), each with its number of runs.
+    """The samples of one trajectory chunk by chunk (`files.columns.SAMPLES`), each with its number of runs.
 
     The rows are sorted by run, method and time; every method of every run has every time.
 
@@ -194,3 +197,33 @@ def _chunk(path: Path, methods: Sequence[str], runs: int) -> pl.DataFrame:
     if set(frame["method"].unique()) != set(methods):
         raise DataError("its methods are not those of the manifest", place=path)
     return frame
+
+
+def campaign_folders(folders: list[Path]) -> dict[str, Path]:
+    """Campaigns by a short label, in order: a folder of variants stands for each of them.
+
+    Raises:
+        DataError: for a folder that is not there, a variant that has not been run, and one campaign named twice.
+    """
+    found: dict[str, Path] = {}
+    for folder in folders:
+        if not folder.is_dir():
+            raise DataError("no such directory", place=folder, hint="`bottomlock run` makes one")
+        record = read_record(folder / VARIANTS)
+        if record is None or record.get("kind") != KIND:
+            inside = {_label(folder, folders): folder}
+        else:
+            parent = f"{_label(folder, folders)}/" if len(folders) > 1 else ""
+            inside = {f"{parent}{name}": folder / name for name in record["variants"]}
+        for label, path in inside.items():
+            if path.resolve() in {other.resolve() for other in found.values()}:
+                raise DataError("is named twice", place=path)
+            found[label] = path
+    return found
+
+
+def _label(folder: Path, folders: list[Path]) -> str:
+    """The folder's name, or the path where two share it."""
+    names = [one.resolve().name for one in folders]
+    name = folder.resolve().name
+    return str(folder) if names.count(name) > 1 else name

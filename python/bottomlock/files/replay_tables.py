@@ -5,8 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from bottomlock.tables.campaign import errors_and_sd
-from bottomlock.tables.schema import Schema, schema
+from bottomlock.files.columns import Schema, errors_and_sd, schema
 
 FORWARD, SMOOTHED = "forward", "smoothed"
 RECORDED = "recorded"

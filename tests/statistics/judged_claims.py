@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.paper.claims import load_paper
-from bottomlock.paper.verdicts import claims_table
+from bottomlock.files.campaign_tables import read_campaign_tables
+from bottomlock.statistics.claim_verdicts import claims_table
+from bottomlock.statistics.claims import load_paper
 from bottomlock.statistics.rms import Array
 from bottomlock.statistics.run_errors import read_run_errors
-from bottomlock.tables.results import read_campaign_tables
 from tests.report.synthetic_campaign import Size, quiet
 
 PAPER = load_paper()

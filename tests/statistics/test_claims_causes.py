@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, _verdict
+from bottomlock.statistics.claim_verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED, _verdict
 from bottomlock.statistics.rms import Array
-from tests.paper.judged_claims import PAPER, in_dive, one, sized
 from tests.report.synthetic_campaign import write_campaign
+from tests.statistics.judged_claims import PAPER, in_dive, one, sized
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.paper.claims import (
+from bottomlock.files.campaign_tables import CampaignTables, read_campaign_tables
+from bottomlock.statistics.claims import (
     BiasClaim,
     CauseClaim,
     Claim,
@@ -31,7 +32,6 @@ from bottomlock.statistics.rms import (
     rms,
 )
 from bottomlock.statistics.run_errors import RunErrors, read_run_errors
-from bottomlock.tables.results import CampaignTables, read_campaign_tables
 
 TURN_RATE_RADPS = np.deg2rad(2.0)
 """Above it the course changes by intent; the paper's turns are half circles in some 20 s."""

@@ -17,9 +17,9 @@ from bottomlock.kernel.models import Environment
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.closure import closure
 from bottomlock.simulation.own_path import resolved
-from bottomlock.truth.path import truth_from_path
+from bottomlock.simulation.path import truth_from_path
 from tests.analytic import analytic_simulation
-from tests.truth.test_trajectory import readings_agree
+from tests.simulation.test_trajectory import readings_agree
 
 Floats = NDArray[np.float64]
 ROWS = 1001

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
 from bottomlock.config.trajectory import Trajectory
 from bottomlock.errors import DataError
-from bottomlock.truth.truth import Array, Truth, sample_times_ns
+from bottomlock.truth import Array, Truth, sample_times_ns
 
 
 @dataclass(frozen=True)

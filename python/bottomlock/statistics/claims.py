@@ -1,4 +1,4 @@
-"""The paper's claims as `paper/claims.toml` states them: numbers, orderings, drifts, and how we read them."""
+"""The paper's claims as `statistics/claims.toml` states them: numbers, orderings, drifts, and how we read them."""
 
 import tomllib
 from importlib import resources
@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bottomlock.errors import DataError
-from bottomlock.tables.campaign import BIASES
+from bottomlock.files.columns import BIASES
 
 Number = float | list[float] | bool | str
 
@@ -122,7 +122,7 @@ class BiasClaim(_Claim):
     kind: Literal["bias"]
     methods: list[str]
     biases: list[str]
-    """Of `tables.campaign.BIASES`."""
+    """Of `files.columns.BIASES`."""
     pattern: Literal["observable", "unobservable", "more"]
     """All shrink; none shrinks; all together shrink more than on another trajectory."""
     tolerance: float = 0.0
@@ -166,8 +166,8 @@ def load_paper() -> Paper:
     >>> next(claim.printed for claim in paper.claim if claim.id == "t1-velocity-ins")
     34.0
     """
-    text = (resources.files("bottomlock.paper") / "claims.toml").read_text(encoding="utf-8")
-    return parse_paper(text, place="paper/claims.toml")
+    text = (resources.files("bottomlock.statistics") / "claims.toml").read_text(encoding="utf-8")
+    return parse_paper(text, place="statistics/claims.toml")
 
 
 def parse_paper(text: str, *, place: str) -> Paper:

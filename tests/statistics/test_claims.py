@@ -10,15 +10,13 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
-from bottomlock.paper.claims import parse_paper
-from bottomlock.paper.verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.files.columns import CLAIMS, PATHS, check
+from bottomlock.statistics.claim_verdicts import NOT_REPRODUCED, NOT_TESTABLE, REPRODUCED
+from bottomlock.statistics.claims import parse_paper
 from bottomlock.statistics.rms import Array
-from bottomlock.tables.campaign import PATHS
-from bottomlock.tables.check import check
-from bottomlock.tables.studies import CLAIMS
-from tests.paper.judged_claims import PAPER, in_dive, judged, one, sized
 from tests.recorded import add_table
 from tests.report.synthetic_campaign import METHODS, edit_manifest, write_campaign
+from tests.statistics.judged_claims import PAPER, in_dive, judged, one, sized
 
 STRAIGHT = ("straight",)
 LAWN_MOWER = ("lawn_mower",)
@@ -274,7 +272,7 @@ def test_the_packaged_scenarios_are_the_papers_setup(plain: pl.DataFrame) -> Non
     ],
 )
 def test_a_claims_file_that_contradicts_itself(root: Path, old: str, new: str, message: str) -> None:
-    text = (root / "python" / "bottomlock" / "paper" / "claims.toml").read_text(encoding="utf-8")
+    text = (root / "python" / "bottomlock" / "statistics" / "claims.toml").read_text(encoding="utf-8")
     assert old in text
     with pytest.raises(DataError, match=message):
         parse_paper(text.replace(old, new, 1), place="claims.toml")

@@ -6,8 +6,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from bottomlock.pages.pieces import number
-from bottomlock.paper.claims import (
+from bottomlock.files.campaign_tables import CampaignTables
+from bottomlock.files.columns import CLAIMS
+from bottomlock.statistics.campaign import runs_mostly_rejected
+from bottomlock.statistics.chi_squared import OVERCONFIDENT
+from bottomlock.statistics.claim_estimates import Estimate, TrajectoryErrors, estimate
+from bottomlock.statistics.claims import (
     BiasClaim,
     CauseClaim,
     Claim,
@@ -18,12 +22,8 @@ from bottomlock.paper.claims import (
     Paper,
     ValueClaim,
 )
-from bottomlock.paper.estimates import Estimate, TrajectoryErrors, estimate
-from bottomlock.statistics.campaign import runs_mostly_rejected
-from bottomlock.statistics.chi_squared import OVERCONFIDENT
 from bottomlock.statistics.run_errors import RunErrors
-from bottomlock.tables.results import CampaignTables
-from bottomlock.tables.studies import CLAIMS
+from bottomlock.text import number
 
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 
@@ -126,7 +126,7 @@ GREATEST_SPAN = 2.0
 
 
 def claims_table(campaign: CampaignTables, errors: Mapping[str, RunErrors], paper: Paper) -> pl.DataFrame:
-    """A row per claim of the paper (`tables.studies.CLAIMS`), in the order of the claims.
+    """A row per claim of the paper (`files.columns.CLAIMS`), in the order of the claims.
 
     Args:
         campaign: its tables.

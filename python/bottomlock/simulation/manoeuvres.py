@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
-from bottomlock.truth.analytic import Attitudes, Motion, sample_motion
-from bottomlock.truth.truth import Array, Truth, sample_times_ns
+from bottomlock.simulation.analytic import Attitudes, Motion, sample_motion
+from bottomlock.truth import Array, Truth, sample_times_ns
 
 Angle = Callable[[Array], tuple[Array, Array]]
 """An angle and its rate at given times, rad and rad/s."""

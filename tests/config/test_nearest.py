@@ -2,7 +2,7 @@
 
 import pytest
 
-from bottomlock.support.nearest import did_you_mean, nearest
+from bottomlock.text import did_you_mean, nearest
 
 
 @pytest.mark.parametrize(

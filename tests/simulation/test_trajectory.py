@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import DataError
+from bottomlock.simulation.analytic import analytic_truth
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.closure import closure
-from bottomlock.truth.analytic import analytic_truth
-from bottomlock.truth.truth import Truth
+from bottomlock.truth import Truth
 from tests.analytic import analytic, analytic_simulation
 
 NAMES = ("straight", "figure_eight", "lawn_mower", "constant_turn")

@@ -1,1 +1,0 @@
-"""The claims of Tal, Klein & Katz 2017, and the verdict on each from a campaign."""

@@ -1,1 +1,0 @@
-"""Helpers of every room: modules imported late, optional extras, the nearest name."""

@@ -1,1 +1,0 @@
-"""True motions: the type, analytic trajectories with exact derivatives, short manoeuvres."""
