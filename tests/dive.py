@@ -6,6 +6,7 @@ the files that a user would have. `given` are its readings, one at a time.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import polars as pl
@@ -93,6 +94,7 @@ def felt(
     return C.inv().apply(accel - gravity), turns + C.inv().apply(np.tile(earth, (len(rpy), 1))), v_n, turns
 
 
+@cache
 def drawn_dive(
     seed: int,
     *,

@@ -12,7 +12,7 @@ from tests.attack import logs
 from tests.attack.adversaries import ADVERSARIES
 
 FORMS = {form.name: form for form in BYTES}
-SIZE = 400_000
+SIZE = 100_000
 
 
 def cost(name: str, data: bytes) -> float:

@@ -83,6 +83,6 @@ def test_no_color_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where colours are forced, as in CI; without it they are there."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     coloured = re.compile("\x1b\\[[0-9;]*3[0-9]")
-    assert coloured.search(process("run", "--help").stdout)
+    assert coloured.search(process("list", "--help").stdout)
     monkeypatch.setenv("NO_COLOR", "1")
-    assert not coloured.search(process("run", "--help").stdout)
+    assert not coloured.search(process("list", "--help").stdout)

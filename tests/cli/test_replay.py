@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from tests.cli.calls import command
+from tests.undrawn import figures_undrawn
 
 EXAMPLE = "data/logs/robosub"
 
@@ -16,7 +17,8 @@ EXAMPLE = "data/logs/robosub"
 def out(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The worked example of docs/replay.md, run as it stands there."""
     folder = tmp_path_factory.mktemp("replay") / "robosub"
-    done = command("replay", f"{EXAMPLE}/case.toml", "--out", str(folder), cwd=root)
+    with figures_undrawn():
+        done = command("replay", f"{EXAMPLE}/case.toml", "--out", str(folder), cwd=root)
     assert done.returncode == 0, done.stderr
     assert "Beams 3, 4 lost throughout." in done.stdout
     assert "Lost 34 (semi-synthetic)" in done.stdout

@@ -103,7 +103,7 @@ def test_a_campaign_ends_with_the_signal(tmp_path: Path) -> None:
     )
     while not (tmp_path / "o" / "chunks").exists() and command.poll() is None:
         time.sleep(0.01)
-    time.sleep(1.0)
+    time.sleep(0.2)
     command.send_signal(signal.SIGINT)
     # Of the minutes that its runs take.
     _, stderr = command.communicate(timeout=60)

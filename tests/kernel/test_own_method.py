@@ -1,9 +1,11 @@
 """Methods of one's own: copies of built-in ones are these, in campaigns and replays, and what is no method is named."""
 
 import re
-import subprocess
+import runpy
 import sys
 import textwrap
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -222,23 +224,26 @@ print(scenario.campaign.own_methods, results.manifest["configuration_hash"])
 """
 
 
-def test_a_class_of_a_script_is_found_in_the_script(tmp_path: Path) -> None:
+def test_a_class_of_a_script_is_found_in_the_script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The script is not run twice, and resumes its runs; what is not in a file's text is of that process alone."""
     (tmp_path / "mine.py").write_text(SCRIPT)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
 
-    def run(*arguments: str) -> list[str]:
-        done = subprocess.run(
-            [sys.executable, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout.splitlines()
+    def run(start: Callable[..., object], name: str, *arguments: str) -> list[str]:
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        start(name, run_name="__main__")
+        return capsys.readouterr().out.splitlines()
 
-    first = run("mine.py", "out")
+    first = run(runpy.run_path, "mine.py", "out")
     assert first[0] == "started"
     assert first[1].startswith(f"('{tmp_path.resolve() / 'mine.py'}:Mine',) ")
-    assert run("-m", "mine", "out") == first
+    assert run(partial(runpy.run_module, alter_sys=True), "mine", "out") == first
     (tmp_path / "first.py").write_text("import sys\nexec(sys.argv.pop(1))\n")
-    assert run("first.py", SCRIPT, "fourth")[1].startswith("() "), "not in the text of first.py"
+    fourth = run(runpy.run_path, "first.py", SCRIPT, "fourth")
+    assert fourth[1].startswith("() "), "not in the text of first.py"
 
 
 @pytest.mark.parametrize(

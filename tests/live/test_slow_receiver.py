@@ -20,7 +20,7 @@ from bottomlock.ports.address import sink_address
 SIZE = 800
 """Bytes of a report, about those of Water Linked's JSON."""
 RECEIVED_BYTES = 16_384
-SENT, PERIOD_S = 200, 0.01
+SENT, PERIOD_S = 200, 0.005
 SAID: list[str] = []
 
 

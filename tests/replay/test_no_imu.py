@@ -20,6 +20,7 @@ from bottomlock.replay.vehicle_motion import complete_pings, with_persistence
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.replay.test_water_track import CASE as WITH_IMU
+from tests.replay.undiagnosed import replay_undiagnosed, unsmoothed
 from tests.toml_text import toml
 
 CASE = toml({
@@ -212,7 +213,8 @@ def test_a_first_case_without_an_imu(tmp_path: Path) -> None:
     assert case.attitude is not None
     assert case.attitude.aids == "nothing"
     assert "the yaw is clockwise" in made.case.read_text(encoding="utf-8")
-    last = replay_case(case).samples.filter(pl.col("method") == "tc").row(-1, named=True)
+    tables = replay_undiagnosed(unsmoothed(case.with_methods(["tc"])))
+    last = tables.samples.row(-1, named=True)
     moved = dive.position[-1] - dive.position[0]
     assert np.hypot(last["north_m"] - moved[0], last["east_m"] - moved[1]) < 0.02 * last_way(dive)
     with pytest.raises(

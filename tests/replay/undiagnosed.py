@@ -1,8 +1,7 @@
-"""Replays without the time that findings take: more than half of it."""
+"""Replays without the time that findings and smoothing take: most of it."""
 
 from typing import Any
 
-import polars as pl
 import pytest
 
 from bottomlock.files.replay_tables import ReplayTables
@@ -21,10 +20,11 @@ def replay_undiagnosed(case: Case) -> ReplayTables:
         return replay_case(case)
 
 
+def unsmoothed(case: Case) -> Case:
+    """For tests that judge the filter alone."""
+    return case.model_copy(update={"replay": case.replay.model_copy(update={"smooth": False})})
+
+
 def tc_row(case: Case) -> dict[str, Any]:
     """The run of `tc` without smoothing, in tests that judge where it ends and how its pings fit."""
-    return (
-        replay_undiagnosed(case.with_methods(["tc"]))
-        .runs.filter(pl.col("pass") == "forward")
-        .row(0, named=True)
-    )
+    return replay_undiagnosed(unsmoothed(case.with_methods(["tc"]))).runs.row(0, named=True)

@@ -158,6 +158,12 @@ def assess_beams(
     return _with_closures(replace(found, rows=rows, reordered=reordered), readings)
 
 
+def rematched(found: BeamAssessment, stated: Array) -> BeamAssessment:
+    """The same beams, whose matrix was observed, beside another stated geometry: all but the match stays."""
+    assert found.matrix is not None
+    return replace(found, stated=stated, match=match(found.matrix.directions, stated))
+
+
 def _biases(matrix: Matrix, closures: list[Closure]) -> tuple[Array, Array]:
     """Biases of the beams (beams,) against the instrument's own velocity and their 1 sigma; empty where none shows.
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.arrays import rising
 from bottomlock.audit import defects
-from bottomlock.audit.beams import BeamAssessment, assess_beams
+from bottomlock.audit.beams import BeamAssessment, assess_beams, rematched
 from bottomlock.audit.closure import closure_of
 from bottomlock.audit.depth import DepthRate, depth_rate
 from bottomlock.audit.logs import BeamLog, Reference
@@ -99,8 +99,11 @@ class Context:
         """The beams against each other packaged geometry of as many that they fit."""
         names = (one for one in packaged_geometries() if one != self.geometry_name)
         known = {one: read_geometry(one).geometry for one in names}
+        seen = self.matrix is not None and self.matrix.observable.all()
         tried = {
-            one: assess_beams(self.log, self.whole, self.matrix, platform_rows(of), self.copies)
+            one: rematched(self.assessment, platform_rows(of))
+            if seen
+            else assess_beams(self.log, self.whole, self.matrix, platform_rows(of), self.copies)
             for one, of in known.items()
             if of.beams == self.log.beams
         }
