@@ -57,8 +57,8 @@ PYTHON = {
     "logs": ("io", "recordings", "audit", "replay", "dead_reckoning", "export"),
     "live and ports": ("live", "ports", "encoders", "instruments", "setup"),
     "simulation, campaign, pages": (
-        "truth", "plant", "simulation", "campaign", "studies", "study", "statistics", "tables", "figures", "pages",
-        "report", "paper", "observability", "config", "files",
+        "plant", "simulation", "campaign", "studies", "statistics", "figures", "pages", "report", "observability",
+        "config", "files",
     ),
 }  # fmt: skip
 """Rooms of each group; a room's tests are those in the folder of its name."""

@@ -5,8 +5,7 @@ from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
 
-from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import FAINT, INK, PAPER, STYLE, new_figure, svg_text
+from bottomlock.figures.palette import FAINT, INK, PAPER, STYLE, inline_svg, new_figure, svg_text
 
 _ID = re.compile(r' id="([^"]+)"')
 _REFERENCE = re.compile(r'href="#([^"]+)"|url\(#([^)]+)\)')

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import toml_value
 from bottomlock.errors import ScenarioError
 from bottomlock.io.account import Account
 from bottomlock.io.rows import make_table

@@ -14,10 +14,8 @@ from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.io.track import read_track
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment
-from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.simulation.closure import closure
-from bottomlock.simulation.own_path import resolved
-from bottomlock.simulation.path import truth_from_path
+from bottomlock.simulation.build import Simulation, build_simulation, closure
+from bottomlock.simulation.path import resolved, truth_from_path
 from tests.analytic import analytic_simulation
 from tests.simulation.test_trajectory import readings_agree
 

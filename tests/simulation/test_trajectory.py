@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import DataError
 from bottomlock.simulation.analytic import analytic_truth
-from bottomlock.simulation.build import Simulation, build_simulation
-from bottomlock.simulation.closure import closure
+from bottomlock.simulation.build import Simulation, build_simulation, closure
 from bottomlock.truth import Truth
 from tests.analytic import analytic, analytic_simulation
 

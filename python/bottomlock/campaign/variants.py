@@ -14,7 +14,7 @@ from typing import Any
 
 from bottomlock.campaign.run import CampaignProgress, Results, check_campaign, run_campaign
 from bottomlock.config.scenario import Scenario
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import toml_value
 from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.files.campaign_tables import KIND, VARIANTS
 from bottomlock.files.output_folder import is_occupied, locked

@@ -8,9 +8,8 @@ from cyclopts import Parameter
 from bottomlock.campaign.engine import ENGINES, check_engine
 from bottomlock.campaign.run import check_campaign, run_campaign
 from bottomlock.campaign.variants import check_variants, make_variants, parse_set, run_variants
-from bottomlock.cli.campaign_output import print_results, progress_bar
+from bottomlock.cli.campaign_output import print_comparison, print_results, progress_bar
 from bottomlock.cli.common import ForceCampaign
-from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import say
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Runs, Seed, Threads, load_scenarios
 from bottomlock.errors import ScenarioError

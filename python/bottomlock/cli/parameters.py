@@ -12,7 +12,7 @@ from bottomlock.errors import OutputError, ScenarioError
 from bottomlock.io.beam_table import geometry_beside
 from bottomlock.kernel import METHODS
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.simulation.own_path import resolved
+from bottomlock.simulation.path import resolved
 from bottomlock.studies.cases import in_world
 
 Out = Annotated[Path | None, Parameter(alias="-o")]

@@ -6,9 +6,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from bottomlock.campaign.run import check_campaign
-from bottomlock.cli.campaign_output import progress_bar
+from bottomlock.cli.campaign_output import print_comparison, progress_bar
 from bottomlock.cli.common import Force, ForceStudy
-from bottomlock.cli.compare import print_comparison
 from bottomlock.cli.console import console
 from bottomlock.cli.parameters import Out, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError

@@ -15,15 +15,13 @@ from bottomlock.config.scenario import Scenario
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from bottomlock.figures.drawing import on_paper
-from bottomlock.figures.flight import flight_figure
+from bottomlock.figures.flight import flight_figure, path_figure
 from bottomlock.figures.palette import figure_files
-from bottomlock.figures.paths import path_figure
 from bottomlock.files.atomic_write import parquet_bytes
 from bottomlock.files.overwriting import Files, Result
 from bottomlock.io.beams import InstrumentFile
 from bottomlock.plant import telemetry
-from bottomlock.simulation.build import Simulation, build_simulation, trajectory_key
-from bottomlock.simulation.closure import closure
+from bottomlock.simulation.build import Simulation, build_simulation, closure, trajectory_key
 from bottomlock.simulation.measurement_schedule import schedule_and_footprints
 from bottomlock.simulation.sensor_streams import sensor_streams
 from bottomlock.statistics.rms import rms

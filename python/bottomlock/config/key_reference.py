@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
 from bottomlock.config.section import unit_of
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import toml_value
 
 REQUIRED = "required"
 _WORDS = {

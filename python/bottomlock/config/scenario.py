@@ -21,8 +21,7 @@ from bottomlock.config.packaged import packaged_names, text_of
 from bottomlock.config.scenario_sections import Campaign, Dvl, Environment, Filter, Initial, Robust
 from bottomlock.config.section import in_si, shown
 from bottomlock.config.sensors import SENSORS, SensorSections, WaterTrack
-from bottomlock.config.toml_file import parse_toml
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import parse_toml, toml_value
 from bottomlock.config.trajectory import Trajectory
 from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError

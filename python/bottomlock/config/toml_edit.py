@@ -6,8 +6,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import InlineTable, Table
 
-from bottomlock.config.toml_file import parse_toml
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import parse_toml, toml_value
 from bottomlock.errors import ScenarioError
 
 MARK = " | "

@@ -1,10 +1,10 @@
-"""Figure of a simulated vehicle's motion: depth, speed, flow angles, actuators, ranges and beams against time."""
+"""Figures of a vehicle's motion: its path; depth, speed, flow angles, actuators, ranges and beams against time."""
 
 import numpy as np
 import polars as pl
 
-from bottomlock.figures.palette import FAINT
-from bottomlock.figures.series import BEAM_COLOURS, Curve, Figure, Panel, valid_panel
+from bottomlock.figures.palette import FAINT, STROKES
+from bottomlock.figures.series import BEAM_COLOURS, Curve, Figure, Panel, Track, frame_of, valid_panel
 
 _FIRST, _SECOND = BEAM_COLOURS[:2]
 
@@ -77,3 +77,25 @@ def _ranges(beams: pl.DataFrame) -> list[Panel]:
 def _numbered(beams: pl.DataFrame, end: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """(n, beams) the columns of the beams that end so; NaN where there is no value."""
     return beams.select(pl.col(f"^beam[0-9]+_{end}$").cast(pl.Float64).fill_null(np.nan)).to_numpy()
+
+
+def path_figure(paths: pl.DataFrame, trajectory: str) -> Figure:
+    """Plan view above depth, whose axis holds every trajectory of the table.
+
+    Args:
+        paths: the columns of `files.columns.PATHS`.
+        trajectory: one of its trajectories.
+    """
+    path, colour = paths.filter(pl.col("trajectory") == trajectory).sort("time_ns"), STROKES["tc"].colour
+    step = max(1, -(-path.height // 1000))
+    path = pl.concat([path.gather_every(step), path.tail(1)]).unique("time_ns", maintain_order=True)
+    time_ns, north_m, east_m, depth_m = (
+        path[name].to_numpy() for name in ("time_ns", "north_m", "east_m", "depth_m")
+    )
+    deepest = (0.0, float(paths["depth_m"].to_numpy().max(initial=0.0)))
+    track = Track("", colour, time_ns, north_m, east_m)
+    depth = Panel(
+        "depth, m", [Curve("", colour, time_ns, depth_m)], decimals=1, downwards=True, least=deepest
+    )
+    title = trajectory.replace("_", " ")
+    return Figure(title, [depth], size_in=(4.2, 4.8), tracks=[track], frame=frame_of([track]))

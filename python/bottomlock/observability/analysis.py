@@ -33,7 +33,7 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import SENSORS
 from bottomlock.kernel.models import Environment, Model
 from bottomlock.recordings.streams import Flags, Times
-from bottomlock.simulation.sensor_times import epochs_ns
+from bottomlock.simulation.measurement_schedule import epochs_ns
 from bottomlock.text import did_you_mean
 from bottomlock.truth import Array, Truth
 from bottomlock.units import ns_from_s

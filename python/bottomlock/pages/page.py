@@ -18,8 +18,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure as Paper
 
 from bottomlock.figures.drawing import on_paper
-from bottomlock.figures.inline_svg import inline_svg
-from bottomlock.figures.palette import STROKES, figure_files, stroke, swatch_svg
+from bottomlock.figures.palette import STROKES, figure_files, inline_svg, stroke, swatch_svg
 from bottomlock.figures.series import Figure
 from bottomlock.files.overwriting import Files
 from bottomlock.pages.plots import Plots

@@ -2,7 +2,7 @@
 
 M nu_r' + C_RB(nu_r) nu_r + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau (Fossen 2021, for an irrotational current),
 in the platform frame with its origin at the centre of buoyancy. The Earth's rotation is neglected in the forces; it
-enters the ideal sensors (`truth.inertial_measurements`). M_RB and M_A: Fossen 2021, chapters 3 and 6.
+enters the ideal sensors (`simulation.analytic.ideal_inertial_readings`). M_RB and M_A: Fossen 2021, chapters 3 and 6.
 
 Fin i stands at r_i = (x, R cos a, R sin a), a from starboard towards down; its normal is n_i = (0, -sin a, cos a). A
 positive deflection turns the leading edge towards n_i and pushes the fin along n_i, so equal deflections roll the

@@ -18,7 +18,7 @@ from bottomlock.figures.campaign import (
     normalised_of,
     sweep_of,
 )
-from bottomlock.figures.paths import path_figure
+from bottomlock.figures.flight import path_figure
 from bottomlock.figures.series import Figure, Panel
 from bottomlock.files.campaign_tables import CampaignTables
 from bottomlock.files.columns import CURRENT, VIRTUAL_BEAM_FACTOR

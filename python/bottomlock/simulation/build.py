@@ -12,6 +12,7 @@ from bottomlock import kernel, units
 from bottomlock.config.scenario import EARTH_RATE_RADPS, Scenario, load_scenario
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import read_validity
+from bottomlock.kernel.models import InitialState
 from bottomlock.own_method import in_this_process_alone, source_of
 from bottomlock.plant import AnyVehicle, Flight, Mission, fly, load_vehicle
 from bottomlock.plant.mission import Current, current_from_table, mission_from_table
@@ -20,9 +21,8 @@ from bottomlock.plant.surroundings import MagneticField, world_magnetic_model
 from bottomlock.plant.swim import check_mission
 from bottomlock.plant.trim import check_stability
 from bottomlock.simulation.analytic import analytic_truth
-from bottomlock.simulation.own_path import own_path, with_path
 from bottomlock.simulation.path import Path as OwnPath
-from bottomlock.simulation.path import path_truth
+from bottomlock.simulation.path import own_path, path_truth, with_path
 from bottomlock.simulation.path_check import PathSummary
 from bottomlock.truth import Truth, on_ellipsoid
 
@@ -259,4 +259,37 @@ def _field(scenario: Scenario) -> MagneticField | None:
         declination_rad=units.rad_from_deg(float(compass.declination_deg)),
         inclination_rad=units.rad_from_deg(compass.inclination_deg),
         strength_nt=compass.field_nt,
+    )
+
+
+def closure(simulation: Simulation, truth: Truth) -> tuple[float, float]:
+    """Error of the inertial navigation on the truth's own samples, at its end: position, m, and attitude, rad.
+
+    It is what sampling at the IMU's rate loses, and would show a truth whose samples do not belong together.
+    """
+    scenario = simulation.scenario
+    start = InitialState(
+        time_ns=int(truth.time_ns[0]),
+        position_t_m=truth.position_t_m[0],
+        attitude_t_p=truth.attitude_t_p[0],
+        velocity_p_mps=truth.velocity_p_mps[0],
+    )
+    # The truth's samples are values at their times, and equal ones are no fault of a sensor.
+    options = scenario.kernel_options()
+    options = options.replace(
+        imu_sampling="instantaneous", imu_limits=options.imu_limits.replace(stuck_after=0)
+    )
+    navigator = kernel.Navigator(
+        simulation.geometry, scenario.kernel_model(simulation.gravity_mps2), options, start, method="ins"
+    )
+    navigator.push_imu_block(
+        truth.time_ns, omega_p_radps=truth.omega_p_radps, force_p_mps2=truth.force_p_mps2
+    )
+    state = navigator.state()
+    w, x, y, z = (float(part) for part in state["attitude_t_p"])
+    conjugate = np.array([[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
+    turned = 2.0 * (conjugate @ truth.attitude_t_p[-1])[1:]
+    return (
+        float(np.linalg.norm(np.asarray(state["position_t_m"]) - truth.position_t_m[-1])),
+        float(np.linalg.norm(turned)),
     )

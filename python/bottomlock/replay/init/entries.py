@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
-from bottomlock.config.toml_value import toml_value
+from bottomlock.config.toml_file import toml_value
 from bottomlock.files.overwriting import check_free
 
 WIDTH = 118
