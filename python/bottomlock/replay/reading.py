@@ -197,7 +197,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
         )
     assert dvl.velocity is not None  # validated in DvlStream
     values, timed, table = read_stream(
-        dvl, dvl.velocity, lost=lambda read: _no_velocity(read * SPEED_SI[dvl.velocity_unit])
+        dvl, dvl.velocity, lost=lambda read: no_velocity(read * SPEED_SI[dvl.velocity_unit])
     )
     clocks["dvl"] = timed.report
     if timed.report.empty.count:
@@ -219,7 +219,7 @@ def _beams(case: Case, instrument: Instrument, clocks: dict[str, ClockReport], n
     return Beams(timed.time_ns + late_ns, projected, valid, np.ascontiguousarray(sd), velocity_d)
 
 
-def _no_velocity(velocity_mps: Floats) -> Flags:
+def no_velocity(velocity_mps: Floats) -> Flags:
     """Rows (n,) of codes for "no reading": 0 on every axis, or a velocity that no DVL measures."""
     zero = (velocity_mps == 0.0).all(axis=1)
     return np.asarray(is_code(velocity_mps, zero[:, None]).any(axis=1))

@@ -30,6 +30,7 @@ from bottomlock.replay.motion.pings import (
     tilt_of_noise,
 )
 from bottomlock.replay.read_tables import SPEED_SI
+from bottomlock.replay.reading import no_velocity
 
 LEAST_FOR_DIRECTIONS = 60
 STARTING_NOISE_MPS = 0.01
@@ -250,6 +251,17 @@ def _file(directions: Floats) -> str:
     )
 
 
+OFTEN = 0.01
+"""Part of the rows with the same largest value from which this is a code for "no reading"."""
+
+
+def _usual(values: Floats) -> float:
+    """Speed below which 95 % of the readings are, without a largest one that repeats as a code does."""
+    speed = np.abs(values[np.isfinite(values)])
+    code = speed == speed.max(initial=0.0)
+    return float(np.percentile(speed[~code] if OFTEN * len(speed) < code.sum() < len(speed) else speed, 95))
+
+
 def dvl_of_velocity(found: Found) -> DvlPart:
     """A DVL of which a velocity was recorded.
 
@@ -261,14 +273,14 @@ def dvl_of_velocity(found: Found) -> DvlPart:
         raise DataError("has velocities but no column of times", place=found.table.path)
     values = found.values("v0", "v1", "v2")
     hint = found.units.get("v0", "").replace(" ", "")
-    p95 = float(np.nanpercentile(np.abs(values), 95))
+    p95 = _usual(values)
     if hint in SPEED_SI:
         unit = Guess(hint, "the column's name says so")
     elif p95 > 50.0:
         unit = Guess("mm/s", f"95 % are below {p95:.4g}", known=False)
     else:
         unit = Guess("m/s", f"95 % are below {p95:.3g}", known=False)
-    good = np.isfinite(values).all(axis=1)
+    good = np.isfinite(values).all(axis=1) & ~no_velocity(values * SPEED_SI[unit.value])
     if "valid" in found.extra:
         good &= found.values("valid")[:, 0] == 1.0
     good &= np.concatenate([[True], np.diff(times) > 0])
