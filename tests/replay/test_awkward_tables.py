@@ -2,10 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
+from bottomlock.replay.init.dvl_part import dvl_of_velocity
+from bottomlock.replay.init.found import find_streams, in_order, table_times
 
 ROWS = [(f"{1_764_000_000 + 0.25 * k:.2f}", f"{0.5 + 0.01 * k:.3f}", "-0.125") for k in range(40)]
 NAMES = ("time_s", "vx", "vy")
@@ -79,3 +83,47 @@ def test_words_are_no_numbers_of_a_column_of_words(tmp_path: Path) -> None:
 def test_no_line_of_names_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="names none of its 3 columns"):
         read(tmp_path / "dvl.csv", PLAIN.partition("\n")[2])
+
+
+def test_rows_in_no_order_are_sorted_by_their_times(tmp_path: Path) -> None:
+    head, *rows = PLAIN.splitlines() + [f"{1_764_000_010 + 0.25 * k:.2f},0.1,0.2" for k in range(40)]
+    for order in (rows[::-1], np.random.default_rng(1).permutation(rows).tolist()):
+        table = in_order(read(tmp_path / "dvl.csv", "\n".join([head, *order])))
+        times = table_times(table, "dvl").time_ns
+        assert times is not None
+        assert (np.diff(times) > 0).all()
+        assert not table.plain
+        assert "all are sorted by it" in table.remark
+    assert in_order(read(tmp_path / "dvl.csv", "\n".join([head, *rows]))).plain
+
+
+def test_copies_of_rows_do_not_even_the_times(tmp_path: Path) -> None:
+    """Of every row twice, or of every tenth: the stamps are the times, and a clock leaves the copies out."""
+    table = pl.DataFrame(
+        {"time_s": 1.764e9 + 0.04 * np.arange(400), "vx": np.arange(400.0), "vy": 0.0, "vz": 0.0}
+    )
+    for every in (1, 10):
+        rows = np.sort(np.concatenate([np.arange(400), np.arange(0, 400, every)]))
+        times = table_times(AnyTable(tmp_path, table[rows], plain=True, units={}), "dvl")
+        assert times.rate_hz is None
+        assert times.time_ns is not None
+        assert np.unique(times.time_ns).tolist() == np.round(table["time_s"].to_numpy() * 1e9).tolist()
+
+
+def test_days_are_refused(tmp_path: Path) -> None:
+    table = pl.DataFrame({"time": 45985.5 + 0.25 / 86400.0 * np.arange(400), "vx": 0.1, "vy": 0.0, "vz": 0.0})
+    with pytest.raises(DataError, match=r"column 'time' is 45985\.5 .*are these days"):
+        find_streams(AnyTable(tmp_path / "dvl.csv", table, plain=True, units={}))
+
+
+@pytest.mark.parametrize(("factor", "code", "unit"), [(1.0, 9999.0, "m/s"), (1e3, -32768.0, "mm/s")])
+def test_codes_for_no_velocity_do_not_tell_its_unit(
+    tmp_path: Path, factor: float, code: float, unit: str
+) -> None:
+    rng, lost = np.random.default_rng(2), np.arange(600) % 6 == 2
+    velocity = {f"v{axis}": np.where(lost, code, factor * 0.4 * rng.normal(size=600)) for axis in "xyz"}
+    table = pl.DataFrame({"time_s": 1.764e9 + 0.25 * np.arange(600)} | velocity)
+    dvl = dvl_of_velocity(find_streams(AnyTable(tmp_path, table, plain=True, units={}))[0])
+    assert dvl.unit.value == unit
+    assert len(dvl.time_ns) == 500
+    assert np.abs(dvl.velocity_p_mps).max() < 3.0

@@ -2,13 +2,14 @@
 
 import re
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError
 from bottomlock.io.columns import FLAG_WORDS, NS_OF, column_names, unix_times
-from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.recordings.streams import Flags, Floats, Integers
 from bottomlock.replay.init import names
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.names import named, seconds_and_nanoseconds, split_unit, time_unit
@@ -46,13 +47,20 @@ class Times:
     within_s: float = 0.0
 
 
-def evened(times: Times) -> Times:
+def evened(times: Times, copies: Flags | None = None) -> Times:
     """The times, or those of an even rate where more than a few stamps do not rise and no row is missing.
 
-    A few rows that repeat a time or go back are left to the clock, which leaves them out and says which.
+    A few rows that repeat a time or go back are left to the clock, which leaves them out and says which; so are copies.
+
+    Args:
+        times: as stamped.
+        copies: (n,) rows that hold what the row before holds, time included; none by default.
     """
     time_ns = times.time_ns
-    if time_ns is None or len(time_ns) < LEAST_EVEN or float((np.diff(time_ns) <= 0).mean()) <= FEW:
+    if time_ns is None or len(time_ns) < LEAST_EVEN:
+        return times
+    late = np.diff(time_ns) <= 0
+    if float((late if copies is None else late & ~copies[1:]).mean()) <= FEW:
         return times
     row, since_ns = np.arange(len(time_ns)), time_ns - time_ns[0]
     step_ns, begin_ns = (float(one) for one in np.polyfit(row, since_ns, 1))
@@ -220,7 +228,37 @@ def table_times(table: AnyTable, kind: str) -> Times:
     Raises:
         DataError: for a column of times with another kind of dates.
     """
-    return evened(_stamps(table, kind))
+    times = _stamps(table, kind)
+    late = times.time_ns is not None and (np.diff(times.time_ns) <= 0).any()
+    return evened(times, _copies(table.frame) if late else None)
+
+
+def _copies(frame: pl.DataFrame) -> Flags:
+    """(n,) rows that are the same as the row before."""
+    same = pl.all_horizontal(pl.all().eq_missing(pl.all().shift(1)))
+    return np.asarray(frame.select(same).to_series().fill_null(value=False).to_numpy(), dtype=np.bool_)
+
+
+SHUFFLED = 0.1
+"""Part of the rows that a clock would leave out from which they are put in the order of their times."""
+
+
+def in_order(table: AnyTable) -> AnyTable:
+    """The table with its rows by their times, where they are in no order and each has a time of its own."""
+    if table.part:
+        return table
+    try:
+        time_ns = _stamps(table, "").time_ns
+    except DataError:
+        return table
+    if time_ns is None or len(time_ns) < LEAST_EVEN:
+        return table
+    back = float((time_ns[1:] < np.maximum.accumulate(time_ns)[:-1]).mean())
+    if back < SHUFFLED or len(np.unique(time_ns)) < (1.0 - FEW) * len(time_ns):
+        return table
+    words = f"{100.0 * back:.0f} % of the rows go back in time: all are sorted by it"
+    frame = table.frame[np.argsort(time_ns, kind="stable")]
+    return replace(table, frame=frame, plain=False, remark="; ".join(filter(None, (table.remark, words))))
 
 
 def _stamps(table: AnyTable, kind: str) -> Times:
@@ -256,7 +294,7 @@ def _stamps(table: AnyTable, kind: str) -> Times:
             return Times(written, why=f"dates of {name}", epoch=True)
         value = numbers(series)
         if np.isfinite(value).mean() > 0.9 and np.nanmax(value) > np.nanmin(value):
-            return _numeric_times(series, value, name, unit, kind)
+            return _numeric_times(series, value, name, unit, kind, table.path)
     for name, _ in candidates:
         cell = str(frame[name].first(ignore_nulls=True) or "").strip()
         if cell and not np.isfinite(numbers(frame[name])).any():
@@ -280,7 +318,7 @@ def iso_times(series: pl.Series) -> Integers | None:
     return np.asarray(filled.to_numpy(), dtype=np.int64)
 
 
-def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str) -> Times:
+def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind: str, path: Path) -> Times:
     low, high = RATES_HZ.get(kind, ANY_RATE_HZ)
     middle = float(np.nanmedian(value))
     steps = np.diff(value[np.isfinite(value)])
@@ -292,6 +330,15 @@ def _numeric_times(series: pl.Series, value: Floats, name: str, unit: str, kind:
     if epoch is not None and (not unit or unit == epoch):
         why = f"a median of {middle:.4g} is a Unix time in {epoch}"
         return Times(_to_ns(series, value, epoch), name, epoch, why, epoch=True)
+    rate_hz = (len(value) - 1) / max(float(np.nanmax(value) - np.nanmin(value)), 1e-300)
+    if rate_hz > RATES_HZ["imu"][1] and unit in {"", "s"}:
+        raise DataError(
+            f"is {value[0]:.10g} in the first row, and rises by {1.0 / rate_hz:.2g} from row to row",
+            place=path,
+            key=f"column '{name}'",
+            expected="a time in s, ms, us or ns, or ISO 8601 dates",
+            hint="are these days? Multiply by 86400",
+        )
     fitting = [u for u in ("s", "ms", "us", "ns") if low <= NS_OF["s"] / (step * NS_OF[u]) <= high]
     chosen = unit if unit in fitting else (fitting[0] if fitting else (unit or "s"))
     why = f"a median step of {step:.4g} {chosen} is {1e9 / (step * NS_OF[chosen]):.4g} Hz"

@@ -24,7 +24,7 @@ from bottomlock.io.rows import Options
 from bottomlock.io.sentences import printable
 from bottomlock.replay.init.any_table import NAMES, AnyTable, read_any_table
 from bottomlock.replay.init.beam_columns import beam_columns
-from bottomlock.replay.init.found import Found, find_streams
+from bottomlock.replay.init.found import Found, find_streams, in_order
 from bottomlock.replay.init.names import named
 from bottomlock.text import did_you_mean
 
@@ -220,7 +220,7 @@ def _file(path: Path, without: Sequence[str]) -> Sources:
         return _joined([*_parts(tables, without), Sources(words=words)])
     if name is not None and name != table.NAME:
         return _recorded(path, _log(path, name))
-    return _table(read_any_table(path))
+    return _table(in_order(read_any_table(path)))
 
 
 def _recorded(path: Path, recording: Recording) -> Sources:
