@@ -8,7 +8,7 @@ VELOCITY_INCREMENT, ANGLE_INCREMENT = "velocity increment", "angle increment"
 VELOCITY = "velocity"
 
 _BASES = {
-    FORCE: "acc accel acceleration linearacceleration specificforce force f a",
+    FORCE: "acc accel accelerometer acceleration linearacceleration specificforce force f a",
     OMEGA: "gyr gyro gyroscope omega angularrate angularvelocity w g",
     FIELD: "mag magneticfield m",
     VELOCITY_INCREMENT: "dvel deltav deltavelocity",
@@ -17,10 +17,10 @@ _BASES = {
 }
 _OF_BASE = {base: quantity for quantity, bases in _BASES.items() for base in bases.split()}
 _WHOLE = {
-    "roll": "roll phi theta0",
-    "pitch": "pitch theta theta1",
-    "yaw": "yaw heading hdg psi theta2",
-    "depth": "depth data",
+    "roll": "roll phi theta0 rollen roulis",
+    "pitch": "pitch theta theta1 nicken tangage",
+    "yaw": "yaw heading hdg psi theta2 cap",
+    "depth": "depth data tiefe profondeur profundidad",
     "pressure": "pressure press",
     "latitude": "latitude lat",
     "longitude": "longitude lon lng long",
@@ -34,15 +34,15 @@ _WHOLE = {
     "interval": "dt interval deltat",
     "valid": "valid velocityvalid instrumentvalid velocityinstflag",
     "surge": "surge u",
-    "sway": "sway",
-    "heave": "heave",
+    "sway": "sway v",
+    "heave": "heave w",
     "rollrate": "rollrate p",
     "pitchrate": "pitchrate q",
     "yawrate": "yawrate r",
 }
 _OF_WHOLE = {name: quantity for quantity, names in _WHOLE.items() for name in names.split()}
 _TIME = {"time", "t", "timestamp", "stamp", "headerstamp", "sec", "seconds", "s", "utc", "datetime", "date", "epoch",
-         "unixtime"}  # fmt: skip
+         "unixtime", "zeit", "temps", "tiempo"}  # fmt: skip
 _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec": "us", "µs": "us",
                "microseconds": "us", "ms": "ms", "msec": "ms", "milliseconds": "ms", "s": "s", "sec": "s",
                "secs": "s", "seconds": "s"}  # fmt: skip

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from bottomlock.errors import DataError
 from bottomlock.files.atomic_write import write_parquet, write_text
 from bottomlock.io.beam_table import Recording, sidecar, water_file, write_recording
 from bottomlock.io.beams import geometry_text
 from bottomlock.kernel import RECOMMENDED_METHOD
+from bottomlock.kernel.models import ImuLimits
 from bottomlock.recordings.rotation import UNCHANGED_AXES
 from bottomlock.recordings.streams import Integers
 from bottomlock.replay.init.attitude_part import AttitudePart
@@ -33,6 +35,8 @@ HEAD = (
 LONG_TERM_PERCENT, LONG_TERM_MPS = 0.5, 0.002
 """Errors of a DVL that last: the caution of what data sheets state."""
 RPY = ("roll", "pitch", "yaw")
+LONGEST_GAP_S = 1.0 / ImuLimits().gap_rate_sd_radps
+"""After which the turn that nobody saw is unknown by a radian: the kernel's limit."""
 
 
 def entries_of(parts: Parts, words: Sequence[str], case: Path) -> list[Entry]:
@@ -183,6 +187,11 @@ def _gaps(imu: ImuPart) -> Iterator[Entry]:
     if longest > 3.0 * float(np.median(steps_s)):
         why = f"the longest step between readings is {longest:.3g} s"
         yield Entry("imu.bridge_gaps_s", min(round_up(longest), 1.0), why)
+        if longest > LONGEST_GAP_S:
+            raise DataError(
+                f"has no six numbers for {longest:.3g} s, after which an attitude is unknown",
+                place=imu.found.table.path, expected=f"gaps of at most {LONGEST_GAP_S:g} s", hint="cut the files there",
+            )  # fmt: skip
         if longest > 1.0:
             why = "longer gaps: the filter adds the uncertainty of unseen motion"
             yield Entry("imu.limits", {"gap": "inflate"}, why)
