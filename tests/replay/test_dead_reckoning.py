@@ -206,6 +206,17 @@ def test_the_gyros_carry_the_attitude_over_a_hole() -> None:
     assert carried(whole, Inertial((fine_s * 1e9).astype(np.int64), np.zeros_like(off), off)) is whole
 
 
+def test_gyros_carry_the_attitude_beyond_its_last_reading() -> None:
+    """An attitude that ends before the dive: the heading does not stay where it was."""
+    seconds, fine_s = np.arange(0.0, 40.0, 0.5), np.arange(0.0, 100.0, 0.01)
+    rate = np.deg2rad([0.0, 0.0, 3.0])
+    held = Attitudes(ns(seconds), Rotation.from_rotvec(seconds[:, None] * rate))
+    found = carried(held, Inertial(ns(fine_s), np.zeros((len(fine_s), 3)), np.tile(rate, (len(fine_s), 1))))
+    assert found.time_ns[-1] > 99.0e9
+    true = Rotation.from_rotvec(found.time_ns[:, None] * 1e-9 * rate)
+    assert np.rad2deg((true.inv() * found.attitude).magnitude().max()) < 0.1
+
+
 def test_the_claims_of_the_attitude_are_taken_apart(dive: Dive, tmp_path: Path) -> None:
     """A 1 sigma alone lasts; beside an offset or a walk it is white. Level and yaw are apart."""
     path = write_case(dive, tmp_path)

@@ -138,13 +138,14 @@ def reckon(
 def carried(attitudes: Attitudes, inertial: Inertial) -> Attitudes:
     """The attitudes with those that the gyros make of the reading before a hole, every `CARRIED_S` within it.
 
-    What the gyros miss the reading after the hole by is spread evenly over it.
+    What the gyros miss the reading after the hole by is spread evenly over it; after the last reading nothing is.
     """
     time_ns, C = attitudes.time_ns, attitudes.attitude
-    holes = np.flatnonzero(np.diff(time_ns) > HOLE_S * 1e9)
+    ends_ns = np.append(time_ns[1:], max(int(inertial.time_ns[-1]) + 1, int(time_ns[-1])))
+    holes = np.flatnonzero(ends_ns - time_ns > HOLE_S * 1e9)
     times, turns = [time_ns], [C]
     for k in holes:
-        rows = slice(*np.searchsorted(inertial.time_ns, time_ns[[k, k + 1]]))
+        rows = slice(*np.searchsorted(inertial.time_ns, [time_ns[k], ends_ns[k]]))
         read_ns = inertial.time_ns[rows]
         if len(read_ns) < 2:
             continue
@@ -152,7 +153,7 @@ def carried(attitudes: Attitudes, inertial: Inertial) -> Attitudes:
             read_ns, inertial.force_p_mps2[rows], inertial.omega_p_radps[rows], len(read_ns)
         )
         path = C[k] * Rotation.from_matrix(segment["rotation"][0])
-        missed = (C[k + 1] * path[-1].inv()).as_rotvec()
+        missed = (C[k + 1] * path[-1].inv()).as_rotvec() if k + 1 < len(C) else np.zeros(3)
         path = Rotation.from_rotvec(np.linspace(0.0, 1.0, len(read_ns))[:, None] * missed) * path
         kept = slice(1, -1, max(round(CARRIED_S / float(np.median(np.diff(read_ns)) * 1e-9)), 1))
         times.append(read_ns[kept])
