@@ -24,6 +24,7 @@ from bottomlock.replay.findings.attitude_checks import (
     heading_findings,
 )
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
+from bottomlock.replay.findings.limits import UNUSED
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
@@ -92,7 +93,7 @@ def diagnose(
         *claims_findings(samples, methods),
         *earth_findings(prepared.model.environment, samples),
         *left_out_findings(prepared.streams.left_out),
-        *_clock_set(prepared),
+        *_beyond_track(case, prepared),
         *([] if seen is None else heading_findings(prepared, samples, seen.method)),
     ]
     tracks = _tracks(samples)
@@ -117,6 +118,35 @@ def diagnose(
     if state == ABSORBED:
         causes = [replace(one, severity="warning") for one in causes]
     return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+
+
+def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
+    """Pings and positions outside of the track's time: a clock was set during the dive, or a file ends early."""
+    streams = prepared.streams
+    span = prepared.alignment.time_ns, int(streams.inertial.time_ns[-1])
+    reference = streams.reference
+    times = {"pings with beams": streams.beams.time_ns[streams.beams.valid.any(axis=1)]}
+    if reference is not None and reference.position_t_m is not None:
+        times["positions of [reference]"] = reference.time_ns
+    ends = {name: (min(of[0], span[0]), max(of[-1], span[1])) for name, of in times.items() if len(of)}
+    before = {name: (span[0] - begin) / (end - begin) for name, (begin, end) in ends.items()}
+    after = {name: (end - span[1]) / (end - begin) for name, (begin, end) in ends.items()}
+    name = max(ends, key=lambda one: before[one] + after[one], default="")
+    set_once = _clock_set(prepared)
+    # A case that states a duration asks for a part.
+    if set_once or not name or before[name] + after[name] < UNUSED or case.replay.duration_s is not None:
+        return set_once
+    part = before[name] + after[name]
+    return [
+        Finding(
+            "beyond_track", "warning", part,
+            f"The track is that of a part of the dive: {100.0 * part:.0f} % of the time with {name} is outside of it.",
+            f"{100.0 * before[name]:.0f} % lie before its start, {100.0 * after[name]:.0f} % after the last reading of "
+            "the IMU.",
+            "Check start.at_s, and which file begins late or ends early.", "start.at_s",
+            size=part, unit="1", expected="streams that cover the same time",
+        )
+    ]  # fmt: skip
 
 
 def _clock_set(prepared: PreparedRun) -> list[Finding]:

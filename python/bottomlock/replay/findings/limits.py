@@ -30,6 +30,8 @@ VAGUE = 3.0
 """The same from which its position is worth less than that of dead reckoning."""
 WORSE = 1.25
 """RMS of the position over that of dead reckoning from which a method is worse."""
+OF_WAY = 0.005
+"""RMS of the position over the distance travelled up to which it does not matter who is nearer to the reference."""
 NEAR_SIGMAS = 1.0
 """Distance from dead reckoning, in σ of both, up to which a mistake has not moved the track: dives of St Pere and of
 tests/dive.py whose track is right have 1.1 at most, planted mistakes that move it 1.6 or more."""
@@ -41,6 +43,11 @@ REFERENCE_RMS_SIGMAS = 2.0
 """The same of the RMS over time, whose errors last: 1 in 50."""
 TURNED_SIGMAS = 2.5
 """Rotation of a track over the claimed slow error of the heading up to which that explains it: 1 in 80."""
+
+# What the track covers.
+UNUSED = 0.15
+"""Part of the time with pings, or with a reference's positions, before the start or after the last reading from which
+the track is not that of the dive: right rows of tools.first_line have 0.10 at most, half a file 0.4."""
 
 # Sensors beside the beams.
 REJECTED = 0.1
