@@ -124,7 +124,10 @@ TILT = Finding("beam_order", "fault", 1.0, "The order is wrong.", "", "Change it
 NOISY = Finding("beam_noise", "warning", 1.0, "The beams are noisy.", "", "Claim more.", "dvl.beam_noise_mps")
 
 
-@pytest.mark.parametrize(("cause", "method"), [(UNIT, METHOD), (TILT, "")])
+SIGN = Finding("gyro_sign", "fault", 1.0, "The sign is wrong.", "", "Change it.", "imu.axes")
+
+
+@pytest.mark.parametrize(("cause", "method"), [(UNIT, METHOD), (TILT, ""), (SIGN, "")])
 def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
     """Dead reckoning is the answer where the cause is not one of its own."""
     verdict, state = verdict_finding(SEEN, cause, FAR)
@@ -160,7 +163,13 @@ def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
     good = Agreement("info", 1.0, 1.0, 1.0, 9.0, 4.0, 3.1, 3.0)
     assert answer_of(evidence(agreements=(beaten, good), methods=("tc", "info"))).method == "info"
     alone = answer_of(evidence(agreements=(beaten,), methods=("tc",)))
-    assert (alone.verdict, alone.method, "attitude.aids" in alone.change) == ("yes", "tc", True)
+    assert (alone.verdict, alone.method, "attitude.aids" in alone.change) == ("yes", METHOD, True)
+    for still in (
+        replace(beaten, rms_m=12.0, reckoned_rms_m=8.0, reckoned_sd_m=3.1),
+        replace(beaten, rms_m=3.1),
+    ):
+        assert answer_of(evidence(agreements=(still,), methods=("tc",))).method == "tc"
+    assert answer_of(evidence(agreements=(beaten,), methods=("tc",), way_m=2000.0)).method == "tc"
     assert answer_of(evidence(agreements=(beaten,), methods=("tc",), aided=True)).change == "Nothing."
 
 
@@ -313,3 +322,15 @@ def test_a_sensor_that_contradicts_the_method_is_a_doubt(row: SensorRow, answer:
     found = answer_of(evidence(sensors=(row,)))
     assert found.verdict == answer
     assert ("readings of depth" in found.sentence) is (answer == "partly")
+
+
+@pytest.mark.parametrize(
+    ("name", "word"), [("imu", "of a part of the dive"), ("reference", ""), ("ahrs", "")]
+)
+def test_a_file_that_ends_early_keeps_an_answer_from_yes(tmp_path: Path, name: str, word: str) -> None:
+    """Half of the IMU leaves half of the dive without a track; without half of the others the track is whole."""
+    path = write_case(drawn_dive(21, seconds=120.0), tmp_path)
+    table = pl.read_parquet(tmp_path / f"{name}.parquet")
+    table.filter(pl.col("time_s") < 60.0).write_parquet(tmp_path / f"{name}.parquet")
+    answer = replay_case(load_case(path)).manifest["answer"]
+    assert (answer["verdict"], word in answer["sentence"]) == ("partly" if word else "yes", True)

@@ -19,7 +19,16 @@ from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.recordings.track_fit import TrackFit, fit_track
 from bottomlock.replay.case import Case
-from bottomlock.replay.findings.limits import AXES, LIMIT, LOST, TIMES, TURNED_SIGMAS, VAGUE, WORSE
+from bottomlock.replay.findings.limits import (
+    AXES,
+    LIMIT,
+    LOST,
+    REFERENCE_SIGMAS,
+    TIMES,
+    TURNED_SIGMAS,
+    VAGUE,
+    WORSE,
+)
 from bottomlock.replay.streams import Streams
 
 TRUSTED = ("tc", "info", "lc", "sway_current", "weak_sway")
@@ -66,6 +75,13 @@ class Agreement:
         if self.rms_m is None or self.reckoned_rms_m is None:
             return False
         return self.rms_m > WORSE * self.reckoned_rms_m
+
+    def beaten_beyond(self, near_m: float) -> bool:
+        """Whether dead reckoning is the one to take: the method is beaten, by no mere `near_m`, and that agrees."""
+        if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
+            return False
+        explained_m = REFERENCE_SIGMAS * math.hypot(self.reckoned_sd_m, self.reference_sd_m)
+        return self.rms_m > near_m and self.reckoned_rms_m <= explained_m
 
     @property
     def worse(self) -> bool:

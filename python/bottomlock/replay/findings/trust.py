@@ -18,6 +18,7 @@ from bottomlock.replay.findings.limits import (
     AXES,
     FEWEST_READINGS,
     NEAR_SIGMAS,
+    OF_WAY,
     PARTIAL,
     REFERENCE_RMS_SIGMAS,
     REFERENCE_SIGMAS,
@@ -141,7 +142,8 @@ def recommended(evidence: Evidence) -> str:
     """The filter that fits vehicle and beams, of those that stay with dead reckoning.
 
     An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
-    What the reference shows to be worse than dead reckoning comes last. The free inertial navigation is none of them.
+    What the reference shows to be worse than dead reckoning comes last, and after that itself where the reference
+    agrees with it. The free inertial navigation is none of them.
     """
     astray = {FREE} | {
         one.method for one in evidence.agreements if one.leaves or one.lost or one.worse or one.vague
@@ -151,6 +153,9 @@ def recommended(evidence: Evidence) -> str:
     order = (RECOMMENDED_METHOD, *TRUSTED) if slender else TRUSTED
     usable = [one for one in (*order, *evidence.methods) if one in evidence.methods and one not in astray]
     usable.sort(key=lambda one: one in beaten)
+    first = next((one for one in evidence.agreements if usable and one.method == usable[0]), None)
+    if first is not None and first.beaten_beyond(OF_WAY * evidence.way_m):
+        return METHOD
     return usable[0] if usable else METHOD if evidence.reckoned else ""
 
 
@@ -177,10 +182,11 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
 
 
 OF_FILTERS_ALONE = {
-    "gyro_unit", "gyro_sign", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign",
-    "depth_scale", "beam_noise", "other_dive",
+    "gyro_unit", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign", "depth_scale",
+    "beam_noise", "other_dive",
 }  # fmt: skip
-"""Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams."""
+"""Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams. It has those of a
+gyro's sign, by which `replay --init` finds frames and clock of the attitude."""
 
 UNSHOWN = {"depth_sign", "depth_scale", "gyro_sign"}
 """Causes that agreement with dead reckoning does not clear: no depth shows in a horizontal track, and clock and frames
