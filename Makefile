@@ -107,7 +107,7 @@ lint-python: $(VENV)/.tools $(VENV)/.installed spelling
 	$(bin)/mypy
 	MYPY_CACHE_DIR=.mypy_cache/stubtest $(bin)/python -m mypy.stubtest bottomlock._kernel --mypy-config-file tools/stubtest.ini
 	PYTHONPATH=python $(bin)/lint-imports --no-cache
-	$(bin)/python tools/check_equations.py
+	$(bin)/python -m tools.check_equations
 
 # Licences, duplicates and sources of the crates (deny.toml); advisories where their database can be reached.
 deny: $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny
@@ -142,20 +142,20 @@ docs-links: $(VENV)/.docs $(VENV)/.installed
 
 # The figures of README and methods' pages, flown again, and pictures of pages, which need Chromium.
 figures: $(VENV)/.installed
-	$(bin)/python tools/site_figures.py
-	$(bin)/python tools/site_screenshots.py
+	$(bin)/python -m tools.site_figures
+	$(bin)/python -m tools.site_screenshots
 
 # Rewrites the golden files; every number that moves goes into the CHANGELOG under "Numbers".
 golden: $(VENV)/.installed
-	$(bin)/python tools/update_golden.py
+	$(bin)/python -m tools.update_golden
 
 # Fuzzing of every reader for SECONDS.
 fuzz: $(VENV)/.tools $(VENV)/.installed
-	$(bin)/python tools/fuzz_readers.py --seconds $(SECONDS)
+	$(bin)/python -m tools.fuzz_readers --seconds $(SECONDS)
 
 # HOURS of `bottomlock live` through sockets.
 soak: $(VENV)/.tools $(VENV)/.installed
-	$(bin)/python tools/live_soak.py --hours $(HOURS) --out out/live_soak.json
+	$(bin)/python -m tools.live_soak --hours $(HOURS) --out out/live_soak.json
 
 # Random wrong lines of kernel and package: which share do the quick tests of their rooms see? Needs cargo-mutants.
 #

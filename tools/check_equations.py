@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,29 +75,27 @@ def read_table(root: Path) -> Table:
     return Table(equations, errata, complaints)
 
 
-def _missing(root: Path, paths: list[tuple[str, str]]) -> list[str]:
-    problems: list[str] = []
+def _missing(root: Path, paths: list[tuple[str, str]]) -> Iterator[str]:
     for path, name in paths:
         if not (root / path).is_file():
-            problems.append(f"{path} does not exist")
+            yield f"{path} does not exist"
         elif name and name not in (root / path).read_text(encoding="utf-8"):
-            problems.append(f"{path} has no `{name}`")
-    return problems
+            yield f"{path} has no `{name}`"
 
 
-def _unwitnessed(root: Path, row: str) -> list[str]:
+def _unwitnessed(root: Path, row: str) -> Iterator[str]:
     """A row's code cell names a place in the product, its test cell a test function by name."""
     _what, _form, code, test, _errata = row.split("|")
-    problems = [] if re.search(r"`(?:crates|python)/", code) else ["names no code"]
+    if not re.search(r"`(?:crates|python)/", code):
+        yield "names no code"
     tests = _PATH.findall(test)
     if not tests:
-        problems.append("names no test")
+        yield "names no test"
     for path, name in tests:
         file = root / path
         text = file.read_text(encoding="utf-8") if file.is_file() else ""
         if text and not re.search(rf"\b(?:fn|def) {re.escape(name)}\b", text):
-            problems.append(f"names a test that is no function: {path}::{name}")
-    return problems
+            yield f"names a test that is no function: {path}::{name}"
 
 
 def check_citations(root: Path, table: Table) -> list[str]:
@@ -112,25 +111,17 @@ def check_citations(root: Path, table: Table) -> list[str]:
     return complaints
 
 
-def _unlisted(line: str, table: Table) -> list[str]:
-    problems: list[str] = []
+def _unlisted(line: str, table: Table) -> Iterator[str]:
     for citation in _CITATION.finditer(line):
         years = _YEAR.findall(line[: citation.start()])
         year = years[-1] if years else "2017"
         if year not in table.equations:
             continue
-        problems.extend(
-            f"cites Eq. {number} of {year}, which has no row in {TABLE}"
-            for number in numbers(citation[1])
-            if number not in table.equations[year]
-        )
+        for number in set(numbers(citation[1])) - table.equations[year]:
+            yield f"cites Eq. {number} of {year}, which has no row in {TABLE}"
     for citation in _ERRATUM.finditer(line):
-        problems.extend(
-            f"cites erratum {name}, which has no row in {TABLE}"
-            for name in re.findall(r"E\d+", citation[1])
-            if name not in table.errata
-        )
-    return problems
+        for name in set(re.findall(r"E\d+", citation[1])) - table.errata:
+            yield f"cites erratum {name}, which has no row in {TABLE}"
 
 
 def main() -> int:

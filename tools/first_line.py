@@ -75,17 +75,14 @@ def run(row: Row, *, smooth: bool = True) -> dict[str, Any]:
     with TemporaryDirectory() as scratch, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         files, truth = row.make(Path(scratch))
+        fails = "refused"
         try:
-            case = make_case(files, Path(scratch) / "case.toml").case
+            written, fails = make_case(files, Path(scratch) / "case.toml").case, "no replay"
+            case = load_case(written)
+            settings = case.replay.model_copy(update={"smooth": smooth})
+            found |= _judged(replay_case(case.model_copy(update={"replay": settings})), truth, row)
         except Exception as error:  # noqa: BLE001 - what a user would see is what is counted
-            found |= _failed(error, "refused", row)
-        else:
-            try:
-                written = load_case(case)
-                settings = written.replay.model_copy(update={"smooth": smooth})
-                found |= _judged(replay_case(written.model_copy(update={"replay": settings})), truth, row)
-            except Exception as error:  # noqa: BLE001
-                found |= _failed(error, "no replay", row)
+            found |= _failed(error, fails, row)
     # The scratch folder has another name each time.
     said = found["said"].replace(f"{scratch}{os.sep}", "")
     return found | {"said": said, "seconds": round(time.perf_counter() - began, 1)}
@@ -97,15 +94,12 @@ def _failed(error: Exception, verdict: str, row: Row) -> dict[str, Any]:
         at = traceback.extract_tb(error.__traceback__)[-1]
         said = f"{type(error).__name__}: {error} ({Path(at.filename).name}:{at.lineno})"
         return {"verdict": "traceback", "outcome": "traceback", "said": said}
-    said = str(error)
+    outcome, said = "false alarm" if row.faultless else "right", str(error)
     if verdict == "no replay":
-        return {"verdict": verdict, "outcome": verdict, "said": said}
-    untrue = bool(row.untrue) and re.search(row.untrue, said) is not None
-    return {
-        "verdict": verdict,
-        "outcome": "untrue" if untrue else "false alarm" if row.faultless else "right",
-        "said": said,
-    }
+        outcome = verdict
+    elif row.untrue and re.search(row.untrue, said):
+        outcome = "untrue"
+    return {"verdict": verdict, "outcome": outcome, "said": said}
 
 
 def _judged(replayed: ReplayTables, truth: Truth | None, row: Row) -> dict[str, Any]:
@@ -117,12 +111,12 @@ def _judged(replayed: ReplayTables, truth: Truth | None, row: Row) -> dict[str, 
     errors = {one: _errors(samples.filter(pl.col("method") == one), truth) for one in methods}
     reckoned = errors.get(RECKONED, {}).get("rms_m")
     shown = errors[track if track in errors else first]
-    found = {
+    found = shown | {
         "verdict": verdict,
         "track": track,
         "reckoned_rms_m": reckoned,
         "said": answer["sentence"],
-    } | shown
+    }
     if track == "ins":
         return found | {"outcome": "wrong yes"}
     if shown["error_m"] is None:
@@ -178,16 +172,14 @@ def _errors(track: pl.DataFrame, truth: Truth | None) -> dict[str, Any]:
         "sd_m": float(np.hypot(north, east)),
         "distance_m": float(np.hypot(*np.diff(true[:, ::step])).sum()),
         "covered": float((grid[-1] - grid[0]) / (span[-1] - span[0])),
-        "down_m": None,
-        "down_sd_m": None,
     }
-    if truth is not None and truth.down_m is not None:
-        deep = np.interp(grid[-1], at, track["down_m"].to_numpy())
-        found |= {
-            "down_m": float(deep - np.interp(grid[-1], truth.time_s, truth.down_m)),
-            "down_sd_m": down,
-        }
-    return found
+    if truth is None or truth.down_m is None:
+        return found | {"down_m": None, "down_sd_m": None}
+    deep = np.interp(grid[-1], at, track["down_m"].to_numpy())
+    return found | {
+        "down_m": float(deep - np.interp(grid[-1], truth.time_s, truth.down_m)),
+        "down_sd_m": down,
+    }
 
 
 def _grid(one: Floats, other: Floats) -> Floats:
@@ -278,13 +270,10 @@ def main() -> None:
 
 def _origin() -> dict[str, str]:
     """Commit of the package that ran, and the command."""
-    folder = Path(bottomlock.__file__).parent
-    command = ["git", "-C", str(folder), "rev-parse", "HEAD"]
+    command = ["git", "-C", str(Path(bottomlock.__file__).parent), "rev-parse", "HEAD"]
     commit = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own arguments
-    return {
-        "commit": commit.stdout.strip(),
-        "command": "python -m tools.first_line --out data/evidence/first_line.parquet",
-    }
+    said = "python -m tools.first_line --out data/evidence/first_line.parquet"
+    return {"commit": commit.stdout.strip(), "command": said}
 
 
 if __name__ == "__main__":

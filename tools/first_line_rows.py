@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import numpy as np
@@ -137,30 +137,24 @@ def _dive(
 
 def _right() -> Iterator[Row]:
     """Logs without a fault, which must not be refused or called wrong."""
+    right, velocity = partial(_dive, "right", faultless=True), "imu velocity depth ahrs"
+    beams = "imu waterlinked-json depth ahrs"
     for seed in (3, 4, 5):
-        for name, words in {
-            "velocity": "imu velocity depth ahrs",
-            "velocity, gps": "imu velocity depth ahrs gps",
-            "beams of json": "imu waterlinked-json depth ahrs",
-            "bag": "bag",
-        }.items():
-            yield _dive("right", f"{name}, dive {seed}", words, faultless=True, seed=seed)
-    yield _dive("right", "beams of json, gps", "imu waterlinked-json depth ahrs gps", faultless=True)
-    yield _dive("right", "beams of PD0", "imu pd0 depth ahrs", faultless=True, geometry="teledyne_20")
-    yield _dive("right", "beams as a table, gps", "imu beams depth ahrs gps", faultless=True)
-    yield _dive("right", "velocity, IMU alone", "imu velocity", faultless=True)
-    yield _dive(
-        "right", "calm dive of 420 s", "imu velocity depth ahrs", faultless=True, lively=0.3, seconds=420.0
-    )
-    yield _dive("right", "dive of 60 s", "imu velocity depth ahrs", faultless=True, seconds=60.0)
+        yield right(f"velocity, dive {seed}", velocity, seed=seed)
+        yield right(f"velocity, gps, dive {seed}", f"{velocity} gps", seed=seed)
+        yield right(f"beams of json, dive {seed}", beams, seed=seed)
+        yield right(f"bag, dive {seed}", "bag", seed=seed)
+    yield right("beams of json, gps", f"{beams} gps")
+    yield right("beams of PD0", "imu pd0 depth ahrs", geometry="teledyne_20")
+    yield right("beams as a table, gps", "imu beams depth ahrs gps")
+    yield right("velocity, IMU alone", "imu velocity")
+    yield right("calm dive of 420 s", velocity, lively=0.3, seconds=420.0)
+    yield right("dive of 60 s", velocity, seconds=60.0)
 
 
 def _cases() -> Iterator[Row]:
     """Kinds of logs that people have reported."""
-
-    def case(name: str, words: str, *rest: Any, **options: Any) -> Row:  # noqa: ANN401
-        return _dive("case", name, words, *rest, **options)
-
+    case = partial(_dive, "case")
     velocity, json = "imu velocity depth ahrs", "imu waterlinked-json depth ahrs"
     yield case("01 one table with blanks", "one_table", faultless=True)
     yield case("01 one table with blanks, beams", "one_table_beams", faultless=True)
@@ -177,9 +171,7 @@ def _cases() -> Iterator[Row]:
     for seed in (3, 6, 7):
         yield case(f"09 dead reckoning nearer, dive {seed}", json + " nav", seed=seed, faultless=True)
     yield case("10 driver with 0 m/s at -1 m", "driver_bag")
-    yield case(
-        "13 course before heading", "imu waterlinked-json depth ahrs", "course before heading", sway_mps=0.25
-    )
+    yield case("13 course before heading", json, "course before heading", sway_mps=0.25)
     yield case("14 identity for an attitude", "bag", "identity for an attitude")
     yield case("15 stamps of 0", "bag", "no stamps of the DVL")
     yield case("16 GPS time", json, "DVL on GPS time")
@@ -203,33 +195,27 @@ def _cases() -> Iterator[Row]:
 
 def _mistakes() -> Iterator[Row]:
     """Mistakes of users, in inputs that are right but for them."""
-    velocity = "imu velocity depth ahrs"
+    mistake, velocity = partial(_dive, "mistake"), "imu velocity depth ahrs"
     for fault in (
         "deg/s named rad/s", "rad/s named deg/s", "IMU in g named m/s2", "IMU axes exchanged", "IMU with z up",
         "gyro z reversed", "dropped readings", "DVL clock 1.5 s late", "velocities 8 % too large", "DVL times in ms",
         "radians named degrees", "heading from east", "pressure named depth", "depth upwards",
         "velocities in feet a second", "velocity forward, left, up", "velocity forward, left, down",
     ):  # fmt: skip
-        yield _dive("mistake", fault, velocity, fault)
-    yield _dive(
-        "mistake", "beams 2 and 3 exchanged", "imu waterlinked-json depth ahrs", "beams 2 and 3 exchanged"
-    )
-    yield _dive(
-        "mistake", "beams 2 and 3 exchanged, table", "imu beams depth ahrs", "beams 2 and 3 exchanged"
-    )
-    yield _dive("mistake", "magnetic heading, gps", velocity + " gps", "magnetic heading")
-    yield _dive("mistake", "magnetic heading", velocity, "magnetic heading")
-    yield _dive("mistake", "velocities 8 % too large, gps", velocity + " gps", "velocities 8 % too large")
-    yield _dive(
-        "mistake", "latitude and longitude exchanged", velocity + " gps", "latitude and longitude exchanged"
-    )
-    yield _dive("mistake", "heading from east, gps", velocity + " gps", "heading from east")
-    yield _dive(
-        "mistake", "beams of 30 deg, geometry unknown", "imu beams depth ahrs", geometry="teledyne_30"
-    )
-    yield _dive("mistake", "DVL turned by 30 deg", velocity, mounting_rpy_deg=(0.0, 0.0, 30.0))
-    yield _dive("mistake", "DVL turned by 90 deg", velocity, mounting_rpy_deg=(0.0, 0.0, 90.0))
-    yield _dive("mistake", "lever arm, velocity", velocity, lever_m=(0.9, 0.3, 0.1), seconds=420.0)
+        yield mistake(fault, velocity, fault)
+    swapped = "beams 2 and 3 exchanged"
+    yield mistake(swapped, "imu waterlinked-json depth ahrs", swapped)
+    yield mistake(f"{swapped}, table", "imu beams depth ahrs", swapped)
+    yield mistake("magnetic heading, gps", velocity + " gps", "magnetic heading")
+    yield mistake("magnetic heading", velocity, "magnetic heading")
+    yield mistake("velocities 8 % too large, gps", velocity + " gps", "velocities 8 % too large")
+    swapped = "latitude and longitude exchanged"
+    yield mistake(swapped, velocity + " gps", swapped)
+    yield mistake("heading from east, gps", velocity + " gps", "heading from east")
+    yield mistake("beams of 30 deg, geometry unknown", "imu beams depth ahrs", geometry="teledyne_30")
+    yield mistake("DVL turned by 30 deg", velocity, mounting_rpy_deg=(0.0, 0.0, 30.0))
+    yield mistake("DVL turned by 90 deg", velocity, mounting_rpy_deg=(0.0, 0.0, 90.0))
+    yield mistake("lever arm, velocity", velocity, lever_m=(0.9, 0.3, 0.1), seconds=420.0)
 
 
 # Recordings.
@@ -267,13 +253,9 @@ def _copied(folder: Path, source: Path, names: str) -> list[Path]:
 @cache
 def _converted(name: Literal["stpere", "glider"]) -> Mapping[str, pl.DataFrame]:
     """The tables of a dive as its users would hold them."""
-    folder = Path(mkdtemp())
-    getattr(recorded_dives, name)(recordings(), folder)
-    found = {path.stem: pl.read_csv(path) for path in folder.glob("*.csv")}
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-    return found
+    with TemporaryDirectory() as folder:
+        getattr(recorded_dives, name)(recordings(), Path(folder))
+        return {path.stem: pl.read_csv(path) for path in Path(folder).glob("*.csv")}
 
 
 def _cut(
@@ -312,17 +294,22 @@ def _tables_of(name: Literal["stpere", "glider"], words: str, begin: float, end:
     return make
 
 
+AIDED = [
+    (f"{dvl}{gps}", f"{title}{gps and ', gps'}")
+    for dvl, title in (("dvl", "velocity"), ("dvl_beams", "beams"))
+    for gps in (" gps", "")
+]
+"""Files of a DVL and of positions, and their names in that of a row."""
+
+
 def _stpere() -> Iterator[Row]:
     """Whole, in sections of 300 s, and in sections of 100 s of every second hundred."""
     sections = [(0.0, 1700.0), *((300.0 * k, 300.0 * k + 300.0) for k in range(5))]
     sections += [(200.0 * k, 200.0 * k + 100.0) for k in range(9)]
     for begin, end in sections:
-        for dvl in ("dvl", "dvl_beams"):
-            for gps in (" gps", ""):
-                name = f"stpere {begin:.0f} to {end:.0f} s, {'velocity' if dvl == 'dvl' else 'beams'}{gps and ', gps'}"
-                yield Row(
-                    name, "recording", _tables_of("stpere", f"imu ahrs {dvl}{gps}", begin, end, 1.0)
-                )  # fmt: skip
+        for words, title in AIDED:
+            make = _tables_of("stpere", f"imu ahrs {words}", begin, end, 1.0)
+            yield Row(f"stpere {begin:.0f} to {end:.0f} s, {title}", "recording", make)
     # As the instruments wrote it: the MTi in its own axes, beside a DVL in the vehicle's.
     for gps in (" gps", ""):
         make = _tables_of("stpere", f"mti dvl{gps}", 0.0, 1700.0, 1.0)
@@ -330,32 +317,25 @@ def _stpere() -> Iterator[Row]:
 
 
 def _glider() -> Iterator[Row]:
-    for dvl in ("dvl", "dvl_beams"):
-        for gps in (" gps", ""):
-            name = f"glider, {'velocity' if dvl == 'dvl' else 'beams'}{gps and ', gps'}"
-            make = _tables_of("glider", f"attitude depth {dvl}{gps}", -60.0, 1e5, 5.0)
-            yield Row(name, "recording", make)
+    for words, title in AIDED:
+        make = _tables_of("glider", f"attitude depth {words}", -60.0, 1e5, 5.0)
+        yield Row(f"glider, {title}", "recording", make)
 
 
 def _boat() -> Iterator[Row]:
-    for dvl in ("dvl", "dvl_beams"):
-        for gps in ("gps", ""):
+    def make(folder: Path, *, words: str) -> tuple[list[Path], Truth]:
+        source = recordings() / "sontek_caputh"
+        truth = _of_gps(pl.read_csv(source / "gps.csv"), absolute="gps" in words, sd_m=0.5)
+        return _copied(folder, source, " ".join(f"{one}.csv" for one in words.split())), truth
 
-            def make(folder: Path, words: str = f"attitude {dvl} {gps}") -> tuple[list[Path], Truth]:
-                source = recordings() / "sontek_caputh"
-                truth = _of_gps(pl.read_csv(source / "gps.csv"), absolute="gps" in words, sd_m=0.5)
-                return _copied(folder, source, " ".join(f"{one}.csv" for one in words.split())), truth
-
-            name = f"boat, {'velocity' if dvl == 'dvl' else 'beams'}{gps and ', gps'}"
-            yield Row(name, "recording", make)
+    for words, title in AIDED:
+        yield Row(f"boat, {title}", "recording", partial(make, words=f"attitude {words}"))
 
 
 def _rov() -> Iterator[Row]:
     """Beside the estimate of the vehicle's own filter, which is no other instrument's."""
-    name = "00000029_filtered.BIN"
-    yield Row(
-        "bluerov2 log", "recording", lambda f: (_copied(f, recordings() / "bluerov2_a50_bin", name), None)
-    )
+    source, name = recordings() / "bluerov2_a50_bin", "00000029_filtered.BIN"
+    yield Row("bluerov2 log", "recording", lambda folder: (_copied(folder, source, name), None))
 
 
 def _akit() -> Iterator[Row]:
@@ -397,15 +377,11 @@ def _akit_made(section: int, words: str) -> Callable[[Path], tuple[list[Path], T
             return _copied(folder, source, " ".join(names)), truth
         of_dvl = np.arange(dvl.height) + 1.03 + start_s
         v = dvl.to_numpy()[:, 1:]
-        sin, cos, half = (
-            np.sin(np.deg2rad(30.0)),
-            np.cos(np.deg2rad(30.0)),
-            np.deg2rad([45.0, 135.0, 225.0, 315.0]),
-        )
-        beams = v @ np.stack([sin * np.cos(half), sin * np.sin(half), np.full(4, cos)])
-        angles = dict(
-            zip(("roll_deg", "pitch_deg", "heading_deg"), np.rad2deg(nav.to_numpy().T[7:10]), strict=True)
-        )
+        azimuth, tilt = np.deg2rad([45.0, 135.0, 225.0, 315.0]), np.full(4, np.deg2rad(30.0))
+        level = np.sin(tilt)
+        beams = v @ np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.cos(tilt)])
+        of_nav = ("roll_deg", "pitch_deg", "heading_deg")
+        angles = dict(zip(of_nav, np.rad2deg(nav.to_numpy().T[7:10]), strict=True))
         places = {"latitude": np.rad2deg(lat), "longitude": np.rad2deg(lon)}
         of_imu = {"time_s": np.arange(imu.height) * 0.01 + start_s}
         held = {

@@ -1,4 +1,4 @@
-"""Feeds mutated records to every reader of bytes: `python tools/fuzz_readers.py --inputs 10000000 --seconds 7200`.
+"""Feeds mutated records to every reader of bytes: `python -m tools.fuzz_readers --inputs 10000000 --seconds 7200`.
 
 A reader may make a table that keeps what every table promises, or refuse with a DataError of one line; anything else
 (another exception, more than a second, more rows than bytes) is a finding, written to a folder and counted. Half of the
@@ -13,13 +13,12 @@ import signal
 import struct
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
@@ -104,16 +103,13 @@ def _right_nortek(data: bytes) -> bytes:
 
 
 def _right_crc(data: bytes) -> bytes:
-    return re.sub(
-        rb"(wr[a-z][^*\r\n]{0,300})\*..",
-        lambda m: m[1] + b"*%02x" % framing.crc8(m[1]),
-        data,
-        flags=re.DOTALL,
-    )
+    sentence = re.compile(rb"(wr[a-z][^*\r\n]{0,300})\*..", re.DOTALL)
+    return sentence.sub(lambda m: m[1] + b"*%02x" % framing.crc8(m[1]), data)
 
 
 def _right_nmea(data: bytes) -> bytes:
-    return re.sub(rb"\$([^*\r\n]{0,600})\*..", lambda m: reader_seeds.nmea(m[1])[:-2], data, flags=re.DOTALL)
+    sentence = re.compile(rb"\$([^*\r\n]{0,600})\*..", re.DOTALL)
+    return sentence.sub(lambda m: reader_seeds.nmea(m[1])[:-2], data)
 
 
 RIGHT: dict[str, Callable[[bytes], bytes]] = {
@@ -140,12 +136,9 @@ def fault_of(recording: Recording, data: bytes) -> str | None:
         return "a valid beam without a finite velocity"
     if np.isinf(table.velocity_mps).any() or np.isinf(table.instrument_mps).any():
         return "an infinity"
-    shapes = {
-        array.shape for array in (table.velocity_mps, table.valid, table.range_m, table.quality, table.sd_mps)
-    }
-    if shapes != {(table.rows, table.beams)} or any(
-        len(column) != table.rows for column in table.extra.values()
-    ):
+    arrays = (table.velocity_mps, table.valid, table.range_m, table.quality, table.sd_mps)
+    shapes, lengths = {array.shape for array in arrays}, {len(one) for one in table.extra.values()}
+    if shapes != {(table.rows, table.beams)} or lengths - {table.rows}:
         return f"arrays of shapes {shapes}"
     return None
 
@@ -221,11 +214,10 @@ def main() -> int:
     for name, count in counts.items():
         print(f"{name:20} {count:>10}")
     total = sum(counts.values())
-    print(
-        f"{total} inputs in {spent:.0f} s ({total / max(spent, 1e-9):.0f} a second), {len(faults)} findings"
-    )
-    for fault in sorted(set(faults))[:50]:
-        print(f"  {faults.count(fault)} x {fault}")
+    rate = total / max(spent, 1e-9)
+    print(f"{total} inputs in {spent:.0f} s ({rate:.0f} a second), {len(faults)} findings")
+    for fault, times in sorted(Counter(faults).items())[:50]:
+        print(f"  {times} x {fault}")
     return int(bool(faults))
 
 

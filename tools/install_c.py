@@ -96,21 +96,11 @@ def install(prefix: Path, features: Sequence[str] = ()) -> list[Path]:
         (lib / link).unlink(missing_ok=True)
         (lib / link).symlink_to(of)
         written.append(lib / link)
-    words = {
-        "VERSION": number,
-        "MAJOR": major,
-        "MINOR": minor,
-        "SHARED": shared,
-        "SONAME": name,
-        "STATIC_FLAGS": " ".join(system),
-        "STATIC_LIBS": ";".join(flag.removeprefix("-l") for flag in system),
-    }
-    texts = {
-        cmake / "bottomlock-config.cmake": CRATE / "cmake" / "bottomlock-config.cmake",
-        cmake / "bottomlock-config-version.cmake": CRATE / "cmake" / "bottomlock-config-version.cmake",
-        pkgconfig / "bottomlock.pc": CRATE / "bottomlock.pc.in",
-    }
-    for path, template in texts.items():
+    words = {"VERSION": number, "MAJOR": major, "MINOR": minor, "SHARED": shared, "SONAME": name}
+    words["STATIC_FLAGS"] = " ".join(system)
+    words["STATIC_LIBS"] = ";".join(flag.removeprefix("-l") for flag in system)
+    texts = {cmake / template.name: template for template in sorted((CRATE / "cmake").glob("*.cmake"))}
+    for path, template in (texts | {pkgconfig / "bottomlock.pc": CRATE / "bottomlock.pc.in"}).items():
         path.write_text(filled(template, words), encoding="utf-8")
         written.append(path)
     return written
@@ -122,10 +112,8 @@ def main() -> int:
     parser.add_argument("--prefix", type=Path, required=True, help="folder of include/ and lib/")
     chosen = parser.parse_args()
     if not sys.platform.startswith("linux"):
-        print(
-            "install_c.py: Linux only; elsewhere `cargo build --release -p bottomlock-c` and copy",
-            file=sys.stderr,
-        )
+        message = "install_c.py: Linux only; elsewhere `cargo build --release -p bottomlock-c` and copy"
+        print(message, file=sys.stderr)
         return 2
     for path in install(chosen.prefix.resolve()):
         print(path)

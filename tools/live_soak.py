@@ -1,6 +1,6 @@
 """An hour of `bottomlock live` through sockets, with what an hour brings: beams that come and go, lines that break.
 
-Usage: python tools/live_soak.py [--hours 1] [--real-time] [--out out/live_soak.json]
+Usage: python -m tools.live_soak [--hours 1] [--real-time] [--out out/live_soak.json]
 
 DVL (10 Hz, TCP), IMU (100 Hz, UDP), a listener, the health page with a reader, the raw log and a checkpoint every
 second, as in a vehicle. The clock goes on to the next timer as soon as no socket is ready, so that an hour passes as
@@ -15,7 +15,6 @@ import asyncio
 import heapq
 import json
 import socket
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -25,8 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.cli.live import serve_page
 from bottomlock.errors import DataError
@@ -114,16 +111,13 @@ class _Soak:
         clients: list[asyncio.StreamWriter] = []
         server = await asyncio.start_server(lambda _, writer: clients.append(writer), "127.0.0.1", 0)
         hearing, _ = await loop.create_datagram_endpoint(lambda: self.heard, local_addr=("127.0.0.1", 0))
-        imu_port = free_port(socket.SOCK_DGRAM)
-        imu, _ = await loop.create_datagram_endpoint(
-            asyncio.DatagramProtocol, remote_addr=("127.0.0.1", imu_port)
-        )
-        live = self._live(server.sockets[0].getsockname()[1], imu_port, hearing)
+        imu_at = "127.0.0.1", free_port(socket.SOCK_DGRAM)
+        imu, _ = await loop.create_datagram_endpoint(asyncio.DatagramProtocol, remote_addr=imu_at)
+        live = self._live(server.sockets[0].getsockname()[1], imu_at[1], hearing)
         tasks = [loop.create_task(one) for one in (live.run(), serve_page(live, self._say))]
         # The page's address is looked up beside the loop, whose time may run ahead of it.
-        await asyncio.wait(
-            {tasks[-1], loop.create_task(self.told_page.wait())}, return_when="FIRST_COMPLETED"
-        )
+        told = loop.create_task(self.told_page.wait())
+        await asyncio.wait({tasks[-1], told}, return_when="FIRST_COMPLETED")
         tasks += [loop.create_task(one) for one in (self._samples(), self._reader())]
         await self._play(clients, imu)
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]
@@ -159,10 +153,8 @@ class _Soak:
         """The instruments, at their times."""
         loop = asyncio.get_running_loop()
         begin_s = loop.time()
-        world = World(
-            self.hours * 3600.0, _lost, seed=self.seed, offset_ns=lambda t: -(10**12) + round(DRIFT * t * 1e9)
-        )
-        drop_s = DROPPED_EVERY_S
+        drop_s, offset_ns = DROPPED_EVERY_S, lambda t: -(10**12) + round(DRIFT * t * 1e9)
+        world = World(self.hours * 3600.0, _lost, seed=self.seed, offset_ns=offset_ns)
         # A generator each: an hour of records in a list would be the growth that is looked for.
         for arrival_ns, source, data in _damaged(heapq.merge(world.dvl(), world.imu()), self.seed):
             at_s = (arrival_ns - START_NS) * 1e-9
@@ -211,9 +203,8 @@ def live_soak(hours: float, *, seed: int = 1, real_time: bool = False) -> dict[s
         soak.faults.append(f"memory grew by {grown_mb:.2f} MB, expected at most {GROWTH_BOUND_MB:g}")
     if heard.worst_sigma > SIGMA_BOUND:
         soak.faults.append(f"an error of {heard.worst_sigma:.1f} sigma, expected at most {SIGMA_BOUND:g}")
-    soak.faults += [
-        f"{heard.states[state]} messages in state {state}" for state in SILENT if heard.states[state]
-    ]
+    silent = [state for state in SILENT if heard.states[state]]
+    soak.faults += [f"{heard.states[state]} messages in state {state}" for state in silent]
     tenths = [round(one, 2) for one in memory[:: max(len(memory) // 10, 1)]]
     return {
         "hours": hours, "seed": seed, "seconds": round(time.monotonic() - began, 1), "messages": heard.messages,

@@ -31,7 +31,7 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import accumulate, islice
 from pathlib import Path
@@ -45,7 +45,7 @@ from rich.progress import Progress
 from scipy.stats import beta
 
 import bottomlock
-from tools.switched_faults import TEST, build, outcome
+from tools.switched_faults import TEST, Fault, build, outcome
 
 ROOT = Path(__file__).resolve().parent.parent
 KERNEL = "crates/bottomlock/src/"
@@ -69,47 +69,6 @@ SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Pow: ast.Mult,
     ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A wrong line.
-
-    Attributes:
-        group: of rooms.
-        file: below the project's root.
-        function: qualified name of the function that holds it; "" at the level of the module.
-        line: text of its first line, stripped.
-        change: what is put in the place of what.
-        outcome: "killed", "survived" or "timeout"; "" before it is judged.
-        commit: at which it was judged.
-        number: of its first line, from 1.
-        span: first and last byte of what is replaced.
-        new: what takes its place.
-        owner: first and last byte of the function, of Rust; (0, 0) outside of one.
-    """
-
-    group: str
-    file: str
-    function: str
-    line: str
-    change: str
-    outcome: str = ""
-    commit: str = ""
-    number: int = 0
-    span: tuple[int, int] = (0, 0)
-    new: str = ""
-    owner: tuple[int, int] = (0, 0)
-
-    @property
-    def key(self) -> tuple[str, str, str, str]:
-        """What makes it the same fault in another state of the code."""
-        return self.file, self.function, self.line, self.change
-
-    def applied(self, good: str) -> str:
-        """The text of the file with the fault."""
-        body, (first, last) = good.encode(), self.span
-        return (body[:first] + self.new.encode() + body[last:]).decode()
 
 
 def run(command: list[str], **options: Any) -> subprocess.CompletedProcess[Any]:  # noqa: ANN401
@@ -214,22 +173,13 @@ def rust_faults() -> list[Fault]:
             )
             return first, last
 
-        function, start = entry["function"], entry["span"]["start"]
-        first, last = place(entry["span"])
-        same = text.encode()[first:last].decode() if entry["genre"] != "FnValue" else "body"
-        faults.append(
-            Fault(
-                group_of[room],
-                entry["file"],
-                (function or {}).get("function_name", ""),
-                lines[start["line"] - 1].strip(),
-                f"{same} -> {entry['replacement']}",
-                number=start["line"],
-                span=(first, last),
-                new=entry["replacement"],
-                owner=place(function["span"]) if function else (0, 0),
-            )
-        )
+        function, number, span = entry["function"], entry["span"]["start"]["line"], place(entry["span"])
+        old = text.encode()[slice(*span)].decode() if entry["genre"] != "FnValue" else "body"
+        name, owner = (function["function_name"], place(function["span"])) if function else ("", (0, 0))
+        faults.append(Fault(
+            group_of[room], entry["file"], name, lines[number - 1].strip(), f"{old} -> {entry['replacement']}",
+            number=number, span=span, new=entry["replacement"], owner=owner,
+        ))  # fmt: skip
     return faults
 
 
@@ -247,24 +197,32 @@ def judged_rust(chosen: list[Fault], tree: Path) -> Iterator[Fault | None]:
 
     All are in one build, but those of a function that cannot be switched, such as a constant one.
     """
-    numbered = dict(enumerate(chosen, 1))
-    program, switched, bad = build(tree, dict(numbered), quick_build(tree))
+    numbered, quick = dict(enumerate(chosen, 1)), quick_build(tree)
+    program, switched, bad = build(tree, dict(numbered), quick)
     for number, fault in numbered.items():
         if number in switched:
             yield replace(fault, outcome=outcome(program, number, tree, LIMIT_S))
+        elif number in bad:
+            yield None
         else:
-            yield None if number in bad else judge_rust(fault, tree)
+            yield tried(fault, tree, [*TEST, "--no-run"], TEST, cwd=tree, env=quick)
 
 
-def judge_rust(fault: Fault, tree: Path) -> Fault | None:
-    """The fault with its outcome in a copy of the crates, built for it; None for one that does not build."""
-    path, quick = tree / fault.file, quick_build(tree)
+def tried(
+    fault: Fault,
+    tree: Path,
+    builds: list[str],
+    tests: list[str],
+    **options: Any,  # noqa: ANN401
+) -> Fault | None:
+    """The fault with its outcome in a copy of the code; None for one that does not build."""
+    path = tree / fault.file
     good = path.read_text(encoding="utf-8")
     try:
         path.write_text(fault.applied(good), encoding="utf-8")
-        if run([*TEST, "--no-run"], cwd=tree, capture_output=True, env=quick).returncode:
+        if run(builds, capture_output=True, **options).returncode:
             return None
-        done = run(TEST, cwd=tree, capture_output=True, env=quick, timeout=LIMIT_S)
+        done = run(tests, capture_output=True, timeout=LIMIT_S, **options)
         return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
     except subprocess.TimeoutExpired:
         return replace(fault, outcome="timeout")
@@ -299,19 +257,7 @@ def _environment(python: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-QUICK = [
-    sys.executable,
-    "-m",
-    "pytest",
-    "-q",
-    "-x",
-    "-n",
-    "0",
-    "-p",
-    "no:cacheprovider",
-    "-m",
-    "not long and not deep",
-]
+QUICK = ["pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not deep"]
 
 
 def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, set[str]]]:
@@ -321,8 +267,7 @@ def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, s
         f"[run]\ndynamic_context = test_function\ndata_file = {work / 'data'}\nsource = {python}\n"
     )
     run(
-        [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", *QUICK[1:4], "-n", "0", "-p",
-         "no:cacheprovider", "-m", "not long and not deep", *folders],
+        [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", "-m", *QUICK, *folders],
         cwd=ROOT, env=_environment(python), stdout=sys.stderr,
     )  # fmt: skip
     data = CoverageData(str(work / "data"))
@@ -357,32 +302,14 @@ def judge_python(
     tests = sorted(by_line.get(fault.number) or by_line.get(0) or ())
     if not tests:
         return replace(fault, outcome="survived")
-    python = copies.get()
-    path = python.parent / fault.file
-    good = path.read_text(encoding="utf-8")
     module = (
-        fault.file.removeprefix("python/").removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+        fault.file.removeprefix("python/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     )
+    builds, judges = [sys.executable, "-c", f"import {module}"], [sys.executable, "-m", *QUICK, "-x", *tests]
+    python = copies.get()
     try:
-        path.write_text(fault.applied(good), encoding="utf-8")
-        imported = run(
-            [sys.executable, "-c", f"import {module}"], cwd=ROOT, env=_environment(python),
-            capture_output=True,
-        )  # fmt: skip
-        if imported.returncode:
-            return None
-        done = run(
-            [*QUICK, *tests],
-            cwd=ROOT,
-            env=_environment(python),
-            capture_output=True,
-            timeout=LIMIT_S,
-        )
-        return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
-    except subprocess.TimeoutExpired:
-        return replace(fault, outcome="timeout")
+        return tried(fault, python.parent, builds, judges, cwd=ROOT, env=_environment(python))
     finally:
-        path.write_text(good, encoding="utf-8")
         copies.put(python)
 
 
@@ -414,9 +341,8 @@ def judged(group: str, chosen: list[Fault], jobs: int) -> Iterator[Fault]:
     with tempfile.TemporaryDirectory() as folder, Progress(console=Console(stderr=True)) as bar:
         if group in RUST:
             tree = crates_copy(Path(folder))
-            yield from filter(
-                None, bar.track(judged_rust(chosen, tree), total=len(chosen), description=group)
-            )
+            found = judged_rust(chosen, tree)
+            yield from filter(None, bar.track(found, total=len(chosen), description=group))
             return
         copies: SimpleQueue[Path] = SimpleQueue()
         for number in range(jobs):
@@ -432,14 +358,6 @@ def judged(group: str, chosen: list[Fault], jobs: int) -> Iterator[Fault]:
                     yield fault
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _again(faults: Iterable[Fault], keys: set[tuple[str, str, str, str]]) -> list[Fault]:
-    first: dict[tuple[str, str, str, str], Fault] = {}
-    for fault in faults:
-        if fault.key in keys:
-            first.setdefault(fault.key, fault)
-    return list(first.values())
 
 
 def table(faults: Iterable[Fault]) -> pl.DataFrame:
@@ -506,7 +424,8 @@ def main() -> None:
             limit = max(options.each - len(done), 0)
         else:
             rows = before.filter(pl.col("group") == group).select("file", "function", "line", "change").rows()
-            chosen, limit = _again(faults, set(rows)), len(rows)
+            first = {fault.key: fault for fault in reversed(faults)}
+            chosen, limit = [first[key] for key in dict.fromkeys(rows) if key in first], len(rows)
         for fault in islice(judged(group, chosen, options.jobs), limit):
             found.append(replace(fault, commit=head()))
             if options.out:

@@ -1,7 +1,7 @@
 """Draw the figures of README and of the pages of the methods, from campaigns that this script runs.
 
-    python tools/site_figures.py                  # docs/figures/*.svg, a minute of one core
-    python tools/site_figures.py --runs 4 --out out/figures     # a trial
+    python -m tools.site_figures                  # docs/figures/*.svg, a minute of one core
+    python -m tools.site_figures --runs 4 --out out/figures     # a trial
 
 The same version of the kernel gives the same figures. Each method's figure shows its velocity error and the σ that it
 claims, beside those of `tc` (the same two beams) and `lc` (all four), on three legs.
@@ -13,7 +13,6 @@ import argparse
 import io
 import re
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -54,16 +53,10 @@ def flown(runs: int) -> pl.DataFrame:
     parts = []
     for leg, scenario in zip(LEGS, (straight, across, eight), strict=True):
         every = scenario.with_overrides(runs=runs, methods=list(bottomlock.METHODS))
-        with tempfile.TemporaryDirectory() as folder:
-            bottomlock.run_campaign([every], Path(folder) / "leg")
-            samples = pl.concat([pl.read_parquet(path) for path in Path(folder).rglob("samples-*.parquet")])
-        parts.append(
-            samples.group_by("method", "time_ns", maintain_order=True)
-            .agg(error_mps=_norm("err"), claimed_mps=_norm("sd"))
-            .select(pl.lit(leg).alias("leg"), "method", pl.col("time_ns") / 1e9, "error_mps", "claimed_mps")
-            .rename({"time_ns": "time_s"})
-        )
-    return pl.concat(parts)
+        samples = bottomlock.run_campaign([every]).samples.group_by("method", "time_ns", maintain_order=True)
+        norms = samples.agg(error_mps=_norm("err"), claimed_mps=_norm("sd"))
+        parts.append(norms.with_columns(leg=pl.lit(leg), time_s=pl.col("time_ns") / 1e9))
+    return pl.concat(parts).select("leg", "method", "time_s", "error_mps", "claimed_mps").collect()
 
 
 def _norm(kind: str) -> pl.Expr:
@@ -85,21 +78,14 @@ def method_figure(table: pl.DataFrame, method: str) -> Figure:
         of_leg = table.filter(pl.col("leg") == leg)
         for other, dash in (("tc", "-"), ("lc", (0, (1, 1.4)))):
             if other != method:
-                _curve(
-                    axes, of_leg, other, "error_mps", color=FAINT, linestyle=dash, linewidth=1.0, label=other
-                )
-        colour = stroke(method).colour
-        _curve(axes, of_leg, method, "error_mps", color=colour, linewidth=2.0, label=f"{method}, error")
-        _curve(
-            axes,
-            of_leg,
-            method,
-            "claimed_mps",
-            color=colour,
-            linewidth=1.4,
-            linestyle="--",
-            label=f"{method}, claimed σ",
-        )
+                style: Any = {"color": FAINT, "linestyle": dash, "linewidth": 1.0, "label": other}
+                _curve(axes, of_leg, other, "error_mps", **style)
+        for column, word, width, dash in (
+            ("error_mps", "error", 2.0, "-"),
+            ("claimed_mps", "claimed σ", 1.4, "--"),
+        ):
+            style = {"linewidth": width, "linestyle": dash, "label": f"{method}, {word}"}
+            _curve(axes, of_leg, method, column, color=stroke(method).colour, **style)
         axes.set(title=leg, xlabel="time, s", yscale="log", ylim=(0.02, 60.0), xlim=(0.0, SECONDS))
     panels[0].set_ylabel("velocity, RMS over runs, m/s")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
@@ -131,14 +117,8 @@ def _names(axes: Axes, table: pl.DataFrame) -> None:
     for method in sorted(SHOWN, key=lambda name: ends[name]):
         height = max(np.log10(ends[method]), height + 0.2)
         colour = FAINT if method == "lc" else stroke(method).colour
-        axes.annotate(
-            WORDS[method],
-            (1.02, 10.0**height),
-            xycoords=("axes fraction", "data"),
-            color=colour,
-            va="center",
-            fontsize=10,
-        )
+        place: Any = {"xycoords": ("axes fraction", "data"), "va": "center"}
+        axes.annotate(WORDS[method], (1.02, 10.0**height), color=colour, fontsize=10, **place)
 
 
 def svg(figure: Figure, *, dark: bool = False) -> str:

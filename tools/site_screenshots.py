@@ -1,7 +1,7 @@
 """Take the pictures of real pages that the documentation shows, in both schemes: docs/figures/page_*.png.
 
-    python tools/site_screenshots.py              # all; a minute and a half
-    python tools/site_screenshots.py replay audit # some
+    python -m tools.site_screenshots              # all; a minute and a half
+    python -m tools.site_screenshots replay audit # some
 
 The pages are made from what ships with the sources: the simulated survey, the log of a river profiler, `live-demo`,
 and a simulated DVL that has lost two beams. Chromium draws them.
@@ -27,8 +27,6 @@ from pathlib import Path
 from typing import Any
 
 from PIL import Image, ImageChops
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bottomlock.files.atomic_write import write_bytes
 from tests.browser import Browser

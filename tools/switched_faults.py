@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 SWITCH = "BOTTOMLOCK_FAULT"
 SOURCE = f"""
@@ -31,23 +31,45 @@ _TOKEN = re.compile(
 )
 
 
-class Placed(Protocol):
-    """A fault of a file; `owner` is the span in bytes of the function that holds it, (0, 0) for one outside."""
+@dataclass(frozen=True)
+class Fault:
+    """A wrong line.
+
+    Attributes:
+        group: of rooms.
+        file: below the project's root.
+        function: qualified name of the function that holds it; "" at the level of the module.
+        line: text of its first line, stripped.
+        change: what is put in the place of what.
+        outcome: "killed", "survived" or "timeout"; "" before it is judged.
+        commit: at which it was judged.
+        number: of its first line, from 1.
+        span: first and last byte of what is replaced.
+        new: what takes its place.
+        owner: first and last byte of the function, of Rust; (0, 0) outside of one.
+    """
+
+    group: str
+    file: str
+    function: str
+    line: str
+    change: str
+    outcome: str = ""
+    commit: str = ""
+    number: int = 0
+    span: tuple[int, int] = (0, 0)
+    new: str = ""
+    owner: tuple[int, int] = (0, 0)
 
     @property
-    def file(self) -> str:
-        """Below the project's root."""
-
-    @property
-    def span(self) -> tuple[int, int]:
-        """First and last byte of what is replaced."""
-
-    @property
-    def owner(self) -> tuple[int, int]:
-        """First and last byte of the function."""
+    def key(self) -> tuple[str, str, str, str]:
+        """What makes it the same fault in another state of the code."""
+        return self.file, self.function, self.line, self.change
 
     def applied(self, good: str) -> str:
         """The text of the file with the fault."""
+        body, (first, last) = good.encode(), self.span
+        return (body[:first] + self.new.encode() + body[last:]).decode()
 
 
 def body_of(text: bytes, owner: tuple[int, int]) -> tuple[int, int] | None:
@@ -77,7 +99,7 @@ class Written:
     bodies: dict[int, tuple[int, int]]
 
 
-def switched(text: bytes, faults: Mapping[int, Placed]) -> Written:
+def switched(text: bytes, faults: Mapping[int, Fault]) -> Written:
     """The text of a file whose functions take the body of the fault of the run."""
     by_body: dict[tuple[int, int], list[int]] = defaultdict(list)
     for number, fault in faults.items():
@@ -106,7 +128,7 @@ def switched(text: bytes, faults: Mapping[int, Placed]) -> Written:
 
 
 def build(
-    tree: Path, faults: Mapping[int, Placed], environment: dict[str, str]
+    tree: Path, faults: Mapping[int, Fault], environment: dict[str, str]
 ) -> tuple[Path, set[int], set[int]]:
     """The tests with every fault that can be switched: the program, the faults in it, and those that do not build.
 

@@ -4,9 +4,9 @@ import os
 import subprocess
 from pathlib import Path
 
-from tools.mutation_sample import Fault, python_faults
+from tools.mutation_sample import python_faults
 from tools.switched_faults import SOURCE as SWITCH_SOURCE
-from tools.switched_faults import SWITCH, blamed, switched
+from tools.switched_faults import SWITCH, Fault, blamed, switched
 
 SOURCE = '''
 def gate(value, limit, *, strict: bool = True):
