@@ -1,6 +1,7 @@
 """The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -14,8 +15,19 @@ import pytest
 from bottomlock.io.formats import read_recording
 from tests.cli.calls import command as bottomlock
 
-RUN = ("simulate-dvl", "straight", "--duration-s", "20")
+RUN = ("simulate-dvl", "straight.toml", "--duration-s", "20")
 FAULTS = "drops=0.1,duplicates=0.1,stale=0.1,half_lines=0.1,clock_steps=0.1,reconnects=0.1"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with short scenarios."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("straight", "survey"):
+        assert bottomlock("list", "scenarios", "--copy", name).returncode == 0
+        text = Path(f"{name}.toml").read_text(encoding="utf-8")
+        text = re.sub(r"^duration_s = [0-9.]+", "duration_s = 25.0", text, flags=re.MULTILINE)
+        Path(f"{name}.toml").write_text(text, encoding="utf-8")
 
 
 def test_a_file_has_the_same_bytes_each_time_and_its_record(tmp_path: Path) -> None:
@@ -44,7 +56,7 @@ def test_a_file_has_the_same_bytes_each_time_and_its_record(tmp_path: Path) -> N
 def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
     """DVL, IMU and depth of a run: the times of all begin together, at the time that was asked."""
     done = bottomlock(
-        "simulate-dvl", "survey", "--duration-s", "3", "--speed", "max", "--clock", "2026-02-03T04:05:06",
+        "simulate-dvl", "survey.toml", "--duration-s", "3", "--speed", "max", "--clock", "2026-02-03T04:05:06",
         "--dvl", f"file:{tmp_path / 'dvl'}", "--imu", f"file:{tmp_path / 'imu'}",
         "--depth", f"file:{tmp_path / 'depth'}",
     )  # fmt: skip

@@ -19,7 +19,7 @@ from tests.dive import Dive, drawn_dive
 from tests.dive_logs import write_a50
 from tests.live.world import START_NS, Arrivals, fly, navigator_of
 
-SECONDS = 60.0
+SECONDS = 40.0
 TEXT = """
 name = "test"
 mode = "navigation"

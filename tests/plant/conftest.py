@@ -20,8 +20,12 @@ def remus() -> Vehicle:
 
 @pytest.fixture(scope="session")
 def flights(tauv: Vehicle) -> dict[str, Flight]:
-    """The three missions in still water."""
+    """The three missions in still water: a loop to either side, a dive with the first turns."""
     return {
         mission.name: fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
-        for mission in (straight(), figure_eight(), lawn_mower())
+        for mission in (
+            straight(duration_s=100.0),
+            figure_eight(duration_s=125.0),
+            lawn_mower(duration_s=125.0),
+        )
     }

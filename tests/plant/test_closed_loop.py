@@ -40,7 +40,7 @@ def test_perfect_estimates_fly_the_open_loop_truth(tauv: Vehicle) -> None:
 @pytest.fixture(scope="module")
 def misled(tauv: Vehicle) -> tuple[Mission, FloatArray, IntArray]:
     """Four runs of the straight course, the last with yaw off by 3 deg: mission, final positions, final segments."""
-    group = _fleet(tauv, straight(duration_s=40.0), 4)
+    group = _fleet(tauv, straight(duration_s=30.0), 4)
 
     def wrong(block: TruthBlock) -> Estimate:
         perfect = _perfect(block)

@@ -34,7 +34,6 @@ def test_missions_are_tracked(flights: dict[str, Flight], name: str) -> None:
     """Cross-track 1 m rms on the legs, depth 0.2 m rms after the dive, speed within 2 % throughout."""
     frame = telemetry(flights[name])
     seconds = frame["time_ns"].to_numpy() * 1e-9
-    assert seconds[-1] == pytest.approx(250.0)
     offset, leg = frame["cross_track_m"].to_numpy(), frame["leg"].to_numpy()
     assert _rms(offset[leg] if leg.any() else offset) < 1.0
     after = seconds > 40.0
@@ -45,8 +44,7 @@ def test_missions_are_tracked(flights: dict[str, Flight], name: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", LAWN_MOWER)
 def test_halving_the_step_moves_nothing(tauv: Vehicle, name: str, flights: dict[str, Flight]) -> None:
-    mission = {"straight": straight, "figure_eight": figure_eight, "lawn_mower": lawn_mower}[name]()
-    fine = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
+    fine = swim(tauv, flights[name].mission, gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
     coarse = flights[name].history
     assert np.abs(fine.state[:, :3] - coarse.state[:, :3]).max() < 1e-3
     assert np.abs(fine.state[:, 3:7] - coarse.state[:, 3:7]).max() < 1e-3
@@ -63,7 +61,7 @@ def test_accelerations_are_the_derivative_of_the_states(flights: dict[str, Fligh
 def test_times_are_on_the_imu_grid(flights: dict[str, Flight]) -> None:
     time_ns = flights["straight"].truth.time_ns
     assert time_ns.dtype == np.int64
-    assert (time_ns == np.rint(np.arange(37501) * 1e9 / 150.0).astype(np.int64)).all()
+    assert (time_ns == np.rint(np.arange(15_001) * 1e9 / 150.0).astype(np.int64)).all()
 
 
 def test_the_same_mission_gives_the_same_bits(tauv: Vehicle) -> None:
@@ -74,7 +72,7 @@ def test_the_same_mission_gives_the_same_bits(tauv: Vehicle) -> None:
 
 def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
     """0.3 m/s across: the vehicle crabs with 0.3 m/s of sway over ground, almost none in the water."""
-    mission = straight(duration_s=120.0, current=Current.towards(0.3, np.pi / 2))
+    mission = straight(duration_s=60.0, current=Current.towards(0.3, np.pi / 2))
     flight = fly(tauv, mission, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2)
     assert flight.truth.velocity_p_mps[-1, 1] == pytest.approx(0.3, abs=0.01)
     assert abs(flight.history.velocity_through_water_p_mps[-1, 1]) < 1e-3
@@ -92,7 +90,7 @@ def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
 
 def test_a_stuck_fin_is_compensated(tauv: Vehicle) -> None:
     """One fin jammed at 5 deg: the others hold course and depth, at the price of standing deflections."""
-    mission = replace(straight(duration_s=120.0), stuck=StuckFin(2, np.deg2rad(5.0)))
+    mission = replace(straight(duration_s=60.0), stuck=StuckFin(2, np.deg2rad(5.0)))
     history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
     assert np.abs(history.state[:, 14] - np.deg2rad(5.0)).max() < 1e-6
     assert np.abs(history.state[-1, 1]) < 0.5

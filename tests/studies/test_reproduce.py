@@ -14,7 +14,7 @@ from bottomlock.studies import reproduce as whole
 from bottomlock.studies.reproduce import SETTINGS, Setting
 from tests.undrawn import figures_undrawn
 
-RUNS = 10
+RUNS = 4
 RARE = "inflate after rejections"
 
 
@@ -30,7 +30,7 @@ def small() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def study(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
-    """The whole study, of ten runs, in one go."""
+    """The whole study, of four runs, in one go."""
     out = tmp_path_factory.mktemp("study") / "whole"
     heard: dict[str, float] = {}
 

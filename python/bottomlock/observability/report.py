@@ -64,7 +64,7 @@ def manoeuvre_ranking(
 
         >>> from bottomlock.config.scenario import load_scenario
         >>> model = load_scenario("straight").kernel_model(9.8125)
-        >>> table = manoeuvre_ranking(BeamGeometry.janus(0.35), Aiding(beams=(1, 2)), model)
+        >>> table = manoeuvre_ranking(BeamGeometry.janus(0.35), Aiding(beams=(1, 2)), model, rate_hz=10.0)
         >>> table.filter(state="velocity y").sort("sd_after")["manoeuvre"][0]
         'figure_eight'
     """

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -204,6 +205,7 @@ def eigenvalues(
     return np.asarray(values[np.argsort(-values.real)])
 
 
+@lru_cache(maxsize=8)
 def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> None:
     """Check that a vehicle is stable under its autopilot at its slowest, cruise and fastest speed.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -72,12 +73,22 @@ class Inertial:
         return Inertial(self.time_ns[rows], self.force_p_mps2[rows], self.omega_p_radps[rows])
 
 
-def integrals(time_ns: Times, values: Floats, edges_ns: Times) -> Floats:
-    """(m − 1, 3) integrals between edges (m,) of readings (n, 3) at times (n,), straight from one to the next."""
-    seconds, at = (time_ns - edges_ns[0]) * 1e-9, (edges_ns - edges_ns[0]) * 1e-9
+def integrator(time_ns: Times, values: Floats, origin_ns: int) -> Callable[[Times], Floats]:
+    """`integrals` as a function of the edges; times are counted from an origin near them."""
+    seconds = (time_ns - origin_ns) * 1e-9
     steps = np.diff(seconds)[:, None] * 0.5 * (values[1:] + values[:-1])
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    return np.diff(np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1), axis=0)
+
+    def between(edges_ns: Times) -> Floats:
+        at = (edges_ns - origin_ns) * 1e-9
+        return np.diff(np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1), axis=0)
+
+    return between
+
+
+def integrals(time_ns: Times, values: Floats, edges_ns: Times) -> Floats:
+    """(m − 1, 3) integrals between edges (m,) of readings (n, 3) at times (n,), straight from one to the next."""
+    return integrator(time_ns, values, int(edges_ns[0]))(edges_ns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,9 +234,9 @@ def measurement_schedule(
     Examples:
         >>> from bottomlock.config.scenario import load_scenario
         >>> from bottomlock.simulation.build import build_simulation
-        >>> simulation = build_simulation(load_scenario("straight"))
+        >>> simulation = build_simulation(load_scenario("straight").with_trajectory(duration_s=10.0))
         >>> measurement_schedule(simulation, simulation.truth())["beam_valid"].shape
-        (250, 4)
+        (10, 4)
     """
     return schedule_and_footprints(
         simulation, truth, trajectory_key=trajectory_key, first_run=first_run, runs=runs

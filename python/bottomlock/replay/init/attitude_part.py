@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock.arrays import rising
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
-from bottomlock.recordings.streams import Flags, Floats, Integers, integrals
+from bottomlock.recordings.streams import Flags, Floats, Integers, integrator
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
@@ -176,30 +176,32 @@ def match_attitude(
     if len(time_ns) < 10 or len(imu_time_ns) < 10:
         return None
     steps_s = np.diff(time_ns)[:, None] * 1e-9
-    gyros = []
+    between, gyros = integrator(imu_time_ns, omega_p_radps, int(time_ns[0])), []
     for lag in np.arange(-LAGS_S, LAGS_S + 0.5 * LAG_STEP_S, LAG_STEP_S):
         moved = time_ns + round(float(lag) * 1e9)
         inside = (moved[:-1] >= imu_time_ns[0]) & (moved[1:] <= imu_time_ns[-1])
-        gyros.append((float(lag), inside, (integrals(imu_time_ns, omega_p_radps, moved) / steps_s)[inside]))
+        gyros.append((float(lag), inside, (between(moved) / steps_s)[inside]))
     by_frame = {}
     for frame in ("ned_frd", "enu_flu"):
         attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
         rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / steps_s
-        by_frame[frame] = max((_compare(rate, *gyro) for gyro in gyros), key=lambda one: one.correlation)
+        # A quick jump is a wrap or a reset of the filter, not a turn.
+        size = np.linalg.norm(rate, axis=1)
+        calm = size < 8.0 * max(float(np.percentile(size, 90)), 1e-9)
+        by_frame[frame] = max(
+            (_compare(rate, calm, *gyro) for gyro in gyros), key=lambda one: one.correlation
+        )
     frame = max(by_frame, key=lambda one: by_frame[one].correlation)
     other = by_frame["enu_flu" if frame == "ned_frd" else "ned_frd"]
     return replace(by_frame[frame], frame=frame, other=other.correlation)
 
 
-def _compare(rate: Floats, lag_s: float, inside: Flags, gyro: Floats) -> AttitudeMatch:
-    """The attitude's rate against the gyros' at a clock offset, at the quarter turn that fits roll and pitch best."""
+def _compare(rate: Floats, calm: Flags, lag_s: float, inside: Flags, gyro: Floats) -> AttitudeMatch:
+    """The attitude's calm rate against the gyros' at an offset, at the quarter turn that fits roll and pitch best."""
     none = AttitudeMatch("", -1.0, -1.0, np.nan, lag_s, -1.0)
     if len(gyro) < 8:
         return none
-    a, b = rate[inside], gyro
-    # A quick jump is a wrap or a reset of the filter, not a turn.
-    calm = np.linalg.norm(a, axis=1) < 8.0 * max(float(np.percentile(np.linalg.norm(a, axis=1), 90)), 1e-9)
-    a, b = (x[calm] - x[calm].mean(axis=0) for x in (a, b))
+    a, b = (x - x.mean(axis=0) for x in (rate[inside & calm], gyro[calm[inside]]))
     along = float((a[:, :2] * b[:, :2]).sum())
     across = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     level = np.hypot(along, across) / max(
