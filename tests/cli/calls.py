@@ -1,9 +1,11 @@
 """The command `bottomlock`: called in this process, or as a process of its own where the process is what is tested."""
 
 import os
+import re
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
+from importlib import resources
 from io import StringIO
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -36,3 +38,12 @@ def process(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess
     # Not what the process itself would hand on: the readline of pytest's debugger has put COLUMNS there.
     env = dict(os.environ)
     return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, env=env, timeout=300)
+
+
+def shortened(name: str, path: Path, seconds: float = 20.0) -> Path:
+    """A packaged scenario of so many seconds, as a file."""
+    text = (resources.files("bottomlock.config") / "scenarios" / f"{name}.toml").read_text(encoding="utf-8")
+    text, count = re.subn(r"(?m)^duration_s = \S+", f"duration_s = {seconds}", text)
+    assert count == 1
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -9,7 +9,7 @@ import pytest
 
 from bottomlock.cli.app import COMMANDS, app
 from bottomlock.cli.examples import EXAMPLES
-from tests.cli.calls import command, process
+from tests.cli.calls import command, process, shortened
 
 SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 
@@ -17,11 +17,7 @@ SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 @pytest.fixture
 def short(tmp_path: Path) -> tuple[str, ...]:
     """A campaign of a second, by short options."""
-    text = command("list", "scenarios", "--copy", "straight", "--to", tmp_path / "s.toml")
-    assert text.returncode == 0
-    own = tmp_path / "s.toml"
-    own.write_text(own.read_text().replace("duration_s = 250.0", "duration_s = 10.0"))
-    return ("run", str(own), *SHORT[2:])
+    return ("run", str(shortened("straight", tmp_path / "s.toml", 10.0)), *SHORT[2:])
 
 
 def test_version_is_short_too() -> None:

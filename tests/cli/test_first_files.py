@@ -22,7 +22,10 @@ def test_one_command_from_a_shipped_log_to_a_page(
 
     monkeypatch.setattr("webbrowser.open", show)
     log = root / "data" / "logs" / "robosub"
-    files = [shutil.copy(log / f"night2_{name}.csv", tmp_path) for name in ("imu", "dvl", "ahrs", "depth")]
+    files = [tmp_path / f"night2_{name}.csv" for name in ("imu", "dvl", "ahrs", "depth")]
+    for file in files:
+        rows = (log / file.name).read_text(encoding="utf-8").splitlines(keepends=True)
+        file.write_text("".join(rows[: len(rows) // 2]), encoding="utf-8")
     done = command("look", *files)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "night2_imu_look"

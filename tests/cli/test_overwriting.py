@@ -10,10 +10,10 @@ import pytest
 from bottomlock.errors import OutputError
 from bottomlock.replay.init.entries import Beside, Entry, placed
 from tests.audit.synthetic import make_log, table
-from tests.cli.calls import command
+from tests.cli.calls import command, shortened
 from tests.live.world import NAVIGATION_TOML
 
-RUN = ("run", "straight", "--methods", "lc,tc", "--threads", "1", "--out", "o")
+RUN = ("run", "straight.toml", "--methods", "lc,tc", "--threads", "1", "--out", "o")
 
 
 @pytest.fixture(scope="module")
@@ -139,12 +139,8 @@ AUDIT = ("--geometry", "x_janus_20", "--out", "o")
 )
 def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: tuple[str, ...]) -> None:
     """The same again is the same; another one, or one that was changed, needs --force; what is not of ours stays."""
-    assert command("list", "scenarios", "--copy", "straight", "--to", "short.toml", cwd=here).returncode == 0
-    text = (
-        (here / "short.toml").read_text(encoding="utf-8").replace("duration_s = 250.0", "duration_s = 20.0")
-    )
-    (here / "short.toml").write_text(text, encoding="utf-8")
-    (here / "other.toml").write_text(text.replace("duration_s = 20.0", "duration_s = 21.0"), encoding="utf-8")
+    shortened("straight", here / "short.toml")
+    shortened("straight", here / "other.toml", 21.0)
     (here / "o").mkdir()
     (here / "o" / "thesis.tex").write_text("years of work", encoding="utf-8")
     for force in ((), ("--force",)):
@@ -186,6 +182,7 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
 )
 def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str, ...]) -> None:
     """The same run again keeps it; other tables remove it with its figures, with a note, and the rest stays."""
+    shortened("straight", tmp_path / "straight.toml")
     assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
     out = tmp_path / "o"
     plain = contents(out).keys()
@@ -207,6 +204,7 @@ def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str
 
 def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> None:
     """A trajectory from a file of the name of a table that the run with --force is about to replace."""
+    shortened("straight", tmp_path / "straight.toml")
     assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
     example = root / "examples" / "own_trajectory"
     text = (example / "scenario.toml").read_text(encoding="utf-8")

@@ -1,7 +1,6 @@
 """The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
 
 import json
-import re
 import signal
 import socket
 import subprocess
@@ -14,6 +13,7 @@ import pytest
 
 from bottomlock.io.formats import read_recording
 from tests.cli.calls import command as bottomlock
+from tests.cli.calls import shortened
 
 RUN = ("simulate-dvl", "straight.toml", "--duration-s", "20")
 FAULTS = "drops=0.1,duplicates=0.1,stale=0.1,half_lines=0.1,clock_steps=0.1,reconnects=0.1"
@@ -24,10 +24,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with short scenarios."""
     monkeypatch.chdir(tmp_path)
     for name in ("straight", "survey"):
-        assert bottomlock("list", "scenarios", "--copy", name).returncode == 0
-        text = Path(f"{name}.toml").read_text(encoding="utf-8")
-        text = re.sub(r"^duration_s = [0-9.]+", "duration_s = 25.0", text, flags=re.MULTILINE)
-        Path(f"{name}.toml").write_text(text, encoding="utf-8")
+        shortened(name, Path(f"{name}.toml"), 25.0)
 
 
 def test_a_file_has_the_same_bytes_each_time_and_its_record(tmp_path: Path) -> None:

@@ -33,9 +33,9 @@ def test_seeds_are_known_by_their_content_alone(name: str) -> None:
 
 def test_short_fuzzing() -> None:
     """Thousands of mutated records over all readers: no finding. The long run is tools/fuzz_readers.py."""
-    counts, faults = fuzz_readers.run(8_000, 60.0, seed=7, found=None)
+    counts, faults = fuzz_readers.run(4_000, 60.0, seed=7, found=None)
     assert faults == []
-    assert min(counts.values()) > 100
+    assert min(counts.values()) > 50
 
 
 @given(st.sampled_from(NAMES), st.data())

@@ -13,6 +13,7 @@ import pytest
 
 from bottomlock import kernel
 from tests.analytic import batch_along
+from tests.cli.calls import shortened
 
 MOST_S = 0.5
 """Time from the signal to the exception, s."""
@@ -28,7 +29,7 @@ def ask(*_):
     asked.append(time.perf_counter())
     raise KeyboardInterrupt
 signal.signal(signal.SIGINT, ask)
-work = batch_along(600.0)
+work = batch_along(100.0)
 print("begins", flush=True)
 try:
     {call}
@@ -97,7 +98,16 @@ def test_an_event_that_is_not_set_changes_no_bit() -> None:
 
 def test_a_campaign_ends_with_the_signal(tmp_path: Path) -> None:
     """The command ends soon and says how to resume."""
-    call = ["run", "straight", "--runs", "5000", "--threads", "1", "--out", "o"]
+    call = [
+        "run",
+        str(shortened("straight", tmp_path / "s.toml")),
+        "--runs",
+        "100000",
+        "--threads",
+        "1",
+        "--out",
+        "o",
+    ]
     command = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", *call], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )

@@ -103,7 +103,7 @@ def test_a_serial_line_is_opened_once() -> None:
     tty.setraw(theirs)
     place = f"serial:{os.ttyname(theirs)}:115200"
     live = made(config("navigation", imu=place, to=place))
-    lines = [data for _, source, data in World(3.0).arrivals(imu=True) if source == 1]
+    lines = [data for _, source, data in World(1.0).arrivals(imu=True) if source == 1]
     found = bytearray()
     os.set_blocking(ours, False)
 
@@ -116,7 +116,7 @@ def test_a_serial_line_is_opened_once() -> None:
         except BlockingIOError:
             return False
         # A stream may begin within a line: the first is not read.
-        return live.engine.sources[1].reader.records == 299
+        return live.engine.sources[1].reader.records == 99
 
     live.sources[1]._silence_s = 60.0
     asyncio.run(run_until(live, all_read))

@@ -19,7 +19,7 @@ from tests.replay.undiagnosed import tc_row
 
 @pytest.fixture(scope="module")
 def dive() -> Dive:
-    return drawn_dive(3, seconds=120.0)
+    return drawn_dive(3, seconds=80.0)
 
 
 def made(folder: Path, *files: Path, without: tuple[str, ...] = ()) -> tuple[Case, str]:
@@ -63,7 +63,7 @@ def test_a_log_with_the_velocities_of_a_dvl(dive: Dive, tmp_path: Path, frame: s
     assert case.dvl.source == "velocity"
     velocity = pl.read_parquet(tmp_path / "case_dvl.parquet")
     at = (velocity["time_ns"].to_numpy() * 1e-9) - START_S - BOOT_S
-    inside = (at > 1.0) & (at < 118.0)
+    inside = (at > 1.0) & (at < 78.0)
     body = velocity.select("surge_mps", "sway_mps", "heave_mps").to_numpy()[inside]
     left = body - dive.at(at[inside], dive.velocity)
     assert float(np.sqrt(np.mean(left**2))) < 0.02
@@ -95,7 +95,7 @@ def test_a_telemetry_log_with_slow_inertial_readings(dive: Dive, tmp_path: Path)
 
 def test_gps_throughout_comes_before_the_estimate(dive: Dive, tmp_path: Path) -> None:
     """Where satellites are seen for most of the time they are the reference: they are independent."""
-    _, words = made(tmp_path, write_bin(dive, tmp_path / "dive.BIN", surfaced_s=100.0))
+    _, words = made(tmp_path, write_bin(dive, tmp_path / "dive.BIN", surfaced_s=70.0))
     assert 'latitude = "latitude_deg"' in words.split("[reference]")[1]
     (tmp_path / "short").mkdir()
     _, words = made(tmp_path / "short", write_bin(dive, tmp_path / "short" / "dive.BIN", surfaced_s=5.0))

@@ -3,6 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
+from scipy.signal import lfilter
 
 from bottomlock.recordings.robust import correlation_rows
 from bottomlock.replay.findings.verdict import claims_findings
@@ -20,10 +21,9 @@ def samples(seed: int, rows: int, correlation: float, factor: dict[str, float]) 
     columns: dict[str, object] = {"pass": ["forward"] * rows, "method": ["tc"] * rows}
     for what, ends in ENDS.items():
         for end in ends:
-            z = np.empty(rows)
-            z[0] = rng.normal()
-            for k in range(1, rows):
-                z[k] = correlation * z[k - 1] + np.sqrt(1.0 - correlation**2) * rng.normal()
+            drawn = rng.normal(size=rows)
+            drawn[1:] *= np.sqrt(1.0 - correlation**2)
+            z = np.asarray(lfilter([1.0], [1.0, -correlation], drawn))
             columns[f"err_{what}_{end}"] = 2.0 * z * factor.get(what, 1.0)
             columns[f"sd_{what}_{end}"] = np.full(rows, 2.0)
     return pl.DataFrame(columns)

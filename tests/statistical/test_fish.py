@@ -258,7 +258,7 @@ def velocity_nees(world: World, seed: int, method: str) -> float:
 @pytest.mark.parametrize(
     ("method", "missions"),
     [
-        ("tc", 3),
+        ("tc", 2),
         pytest.param("tc", 5, marks=pytest.mark.long),
         pytest.param("sway_current", 5, marks=pytest.mark.long),
     ],
