@@ -325,10 +325,10 @@ def test_a_sensor_that_contradicts_the_method_is_a_doubt(row: SensorRow, answer:
 
 
 @pytest.mark.parametrize(
-    ("name", "word"), [("imu", "of a part of the dive"), ("reference", ""), ("ahrs", "")]
+    ("name", "word"), [("imu", "of a part of the dive"), ("reference", "of a part of the dive"), ("ahrs", "")]
 )
 def test_a_file_that_ends_early_keeps_an_answer_from_yes(tmp_path: Path, name: str, word: str) -> None:
-    """Half of the IMU leaves half of the dive without a track; without half of the others the track is whole."""
+    """Half of the IMU, or of the reference at whose times it is, leaves half of the dive without a track."""
     path = write_case(drawn_dive(21, seconds=120.0), tmp_path)
     table = pl.read_parquet(tmp_path / f"{name}.parquet")
     table.filter(pl.col("time_s") < 60.0).write_parquet(tmp_path / f"{name}.parquet")

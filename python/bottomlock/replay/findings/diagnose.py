@@ -123,7 +123,7 @@ def diagnose(
 def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
     """Pings and positions outside of the track's time: a clock was set during the dive, or a file ends early."""
     streams = prepared.streams
-    span = prepared.alignment.time_ns, int(streams.inertial.time_ns[-1])
+    span = prepared.alignment.time_ns, int(prepared.sample_time_ns[-1])
     reference = streams.reference
     times = {"pings with beams": streams.beams.time_ns[streams.beams.valid.any(axis=1)]}
     if reference is not None and reference.position_t_m is not None:
@@ -141,9 +141,10 @@ def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
         Finding(
             "beyond_track", "warning", part,
             f"The track is that of a part of the dive: {100.0 * part:.0f} % of the time with {name} is outside of it.",
-            f"{100.0 * before[name]:.0f} % lie before its start, {100.0 * after[name]:.0f} % after the last reading of "
-            "the IMU.",
-            "Check start.at_s, and which file begins late or ends early.", "start.at_s",
+            f"{100.0 * before[name]:.0f} % lie before its start, {100.0 * after[name]:.0f} % after its end, which is "
+            "that of the IMU, or of the reference where there is one.",
+            "Check start.at_s, and which file begins late or ends early; a track without [reference] has no such end.",
+            "start.at_s",
             size=part, unit="1", expected="streams that cover the same time",
         )
     ]  # fmt: skip
