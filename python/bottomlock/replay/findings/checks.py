@@ -145,32 +145,51 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
     tilt = float(match.part_sd("rotation")[:2].max())
     leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
-    nearest = _nearest_slope(_slope(xs, ys, leak), _slope(ys, xs, leak))
+    # Noise of single velocities walks in the distance sunk, and a mounting puts a part of the distance gone into it.
+    step_s = float(np.median(np.diff(time_ns))) * 1e-9
+    noise = sum((match.sigma_mps * step_s * len(x)) ** 2 / 6.0 for x in xs)
+    gone = sum(float(x @ z) for x, z in zip(xs, zs, strict=True)) ** 2 / max(
+        sum(float(z @ z) for z in zs), 1e-12
+    )
+    kept = 1.0 - (noise + gone) / max(sum(float(x @ x) for x in xs), 1e-12)
+    nearest = _nearest_slope(_slope(xs, ys, leak), _slope(ys, xs, leak), kept)
     if nearest is None:
         return None
     slope, sd = nearest
     if abs(slope - 1.0) < max(SIGMAS * sd, 0.25):
         return None
-    wrong_way = slope < 0.0
+    stands = abs(slope) < STILL
+    wrong_way = slope < 0.0 and not stands
     return Finding(
-        "depth_sign" if wrong_way else "depth_scale", "fault", ((slope - 1.0) / sd) ** 2,
+        "depth_sign" if wrong_way else "depth_scale", "warning" if stands else "fault", ((slope - 1.0) / sd) ** 2,
         "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
         f"The depth changes {slope:.3g} times as much as the DVL says.",
         f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
         "expected +1.",
-        f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else "Check depth.unit and "
-        "depth.water_density_kg_per_m3.",
+        f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else
+        "Leave [depth] out: its sensor stands still." if stands else
+        "Check depth.unit and depth.water_density_kg_per_m3.",
         "depth.up" if wrong_way else "depth.unit", expected="a slope of +1",
     )  # fmt: skip
 
 
-def _nearest_slope(forward: tuple[float, float], inverse: tuple[float, float]) -> tuple[float, float] | None:
+STILL = 0.1
+"""Slope up to which a depth does not follow the distance sunk."""
+MOSTLY = 0.5
+"""Part of the distance sunk that is no noise, from which a depth that does not follow it at all stands still."""
+
+
+def _nearest_slope(
+    forward: tuple[float, float], inverse: tuple[float, float], kept: float
+) -> tuple[float, float] | None:
     """The slope nearest to 1 that two regressions leave, of y over x and of x over y, with its sigma; None if 1 is one.
 
     Noise of a regressor makes a slope too small: the first is too small, the inverse of the second too large, and the
-    truth lies between them.
+    truth lies between them. Of a depth that stands still the inverse says nothing; the first is `kept` of the slope.
     """
     (low, low_sd), (back, back_sd) = forward, inverse
+    if abs(low) < STILL and kept > MOSTLY:
+        return low / kept, low_sd / kept
     if low * back <= 0.0:
         return None
     high, high_sd = 1.0 / back, back_sd / back**2
