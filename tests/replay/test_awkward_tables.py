@@ -10,6 +10,8 @@ from bottomlock.errors import DataError
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
 from bottomlock.replay.init.dvl_part import dvl_of_velocity
 from bottomlock.replay.init.found import find_streams, in_order, table_times
+from bottomlock.replay.init.guess import NOTHING
+from bottomlock.replay.init.positions import guess_positions
 
 ROWS = [(f"{1_764_000_000 + 0.25 * k:.2f}", f"{0.5 + 0.01 * k:.3f}", "-0.125") for k in range(40)]
 NAMES = ("time_s", "vx", "vy")
@@ -127,3 +129,20 @@ def test_codes_for_no_velocity_do_not_tell_its_unit(
     assert dvl.unit.value == unit
     assert len(dvl.time_ns) == 500
     assert np.abs(dvl.velocity_p_mps).max() < 3.0
+
+
+@pytest.mark.parametrize(("east_m", "first_m"), [(512_000.0, 0.0), (12.0, 12.0)])
+def test_positions_on_a_grid_are_from_the_first_of_them(
+    tmp_path: Path, east_m: float, first_m: float
+) -> None:
+    """UTM coordinates taken as metres from the dive's origin put it at the pole."""
+    place = {"easting": east_m + 0.4 * np.arange(100.0), "northing": 10.0 * east_m + 0.3 * np.arange(100.0)}
+    table = AnyTable(
+        tmp_path, pl.DataFrame({"time_s": 1.764e9 + np.arange(100.0)} | place), plain=True, units={}
+    )
+    found = guess_positions(find_streams(table)[0], np.zeros(0, dtype=np.int64), NOTHING)
+    assert found is not None
+    assert found.north_east_m[:2] == pytest.approx(
+        np.array([[10.0 * first_m, first_m], [10.0 * first_m + 0.3, first_m + 0.4]])
+    )
+    assert (found.columns is None) == bool(first_m)

@@ -63,7 +63,8 @@ class PositionPart:
             if self.throughout > THROUGHOUT
             else f"near {100.0 * self.throughout:.0f} % of the pings"
         )
-        return f"resolution {self.resolution_m:.2g} m, scatter {self.scatter_m:.2g} m, {there}, {gaps}"
+        grid = "on a grid, from the first of them: " if self.unit is None and self.columns is not None else ""
+        return f"{grid}resolution {self.resolution_m:.2g} m, scatter {self.scatter_m:.2g} m, {there}, {gaps}"
 
 
 def guess_positions(found: Found, pings_ns: Integers, offset: Guess) -> PositionPart | None:
@@ -89,7 +90,7 @@ def guess_positions(found: Found, pings_ns: Integers, offset: Guess) -> Position
         )
         place = np.deg2rad(place) if unit.value == "deg" else place
     else:
-        place = found.values("north", "east")
+        place = found.values("north", "east") if columns is None else np.stack(list(columns.values()), axis=1)
     good = np.isfinite(place).all(axis=1) & np.concatenate([[True], np.diff(times) > 0])
     if good.sum() < 4:
         return None
@@ -149,10 +150,22 @@ def _tens_of_seconds(found: Found) -> int:
     return len(np.unique(found.times.time_ns // 10_000_000_000))
 
 
+GRID_M = 1e5
+"""Coordinates beyond it are those of a map's grid, from an origin that is not the dive's: UTM begins at 166 km east."""
+
+
 def _rewritten(found: Found) -> dict[str, Any] | None:
-    """Positions in degrees where they are integers of 1e-7 deg, or rows without a fix are zero; None to leave them."""
+    """Positions in degrees where they are integers of 1e-7 deg, or rows without a fix are zero; None to leave them.
+
+    Those on a grid are from the first of them.
+    """
     if found.kind != "geodetic":
-        return None
+        place = found.values("north", "east")
+        whole = np.isfinite(place).all(axis=1)
+        if not whole.any() or float(np.abs(place[whole]).max()) < GRID_M:
+            return None
+        place = place - place[int(np.argmax(whole))]
+        return {"north": place[:, 0], "east": place[:, 1]}
     place = found.values("latitude", "longitude")
     none = (place == 0.0).all(axis=1)
     factor = 1e-7 if float(np.nanmax(np.abs(place))) > 1000.0 else 1.0
