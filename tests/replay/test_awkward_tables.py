@@ -7,10 +7,12 @@ import polars as pl
 import pytest
 
 from bottomlock.errors import DataError
+from bottomlock.replay.case import load_case
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
 from bottomlock.replay.init.dvl_part import dvl_of_velocity
 from bottomlock.replay.init.found import find_streams, in_order, table_times
 from bottomlock.replay.init.guess import NOTHING
+from bottomlock.replay.init.make import make_case
 from bottomlock.replay.init.positions import guess_positions
 
 ROWS = [(f"{1_764_000_000 + 0.25 * k:.2f}", f"{0.5 + 0.01 * k:.3f}", "-0.125") for k in range(40)]
@@ -146,3 +148,19 @@ def test_positions_on_a_grid_are_from_the_first_of_them(
         np.array([[10.0 * first_m, first_m], [10.0 * first_m + 0.3, first_m + 0.4]])
     )
     assert (found.columns is None) == bool(first_m)
+
+
+def test_without_an_imu_the_attitude_is_the_start(tmp_path: Path) -> None:
+    """Also one whose motion does not tell its frames: nothing else has a level."""
+    seconds = 1.764e9 + 0.5 * np.arange(240)
+    angles = {"roll_deg": 1.0, "pitch_deg": -2.0, "heading_deg": 30.0}
+    still = pl.DataFrame({"time_s": seconds}).with_columns(
+        **{name: pl.lit(of) for name, of in angles.items()}
+    )
+    velocity = {
+        f"v{axis}": 0.3 + 0.01 * np.random.default_rng(k).normal(size=240) for k, axis in enumerate("xyz")
+    }
+    still.write_csv(tmp_path / "ahrs.csv")
+    pl.DataFrame({"time_s": seconds} | velocity).write_csv(tmp_path / "dvl.csv")
+    case = load_case(make_case([tmp_path / "ahrs.csv", tmp_path / "dvl.csv"], tmp_path / "case.toml").case)
+    assert (case.start.level, case.start.heading) == ("attitude", "attitude")

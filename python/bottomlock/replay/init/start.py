@@ -19,7 +19,8 @@ def start(parts: Parts) -> Iterator[Entry]:
     imu, attitude = parts.imu, parts.attitude
     begin = int(imu.time_ns[0])
     length_s = float(imu.time_ns[-1] - begin) * 1e-9
-    from_attitude = attitude is not None and attitude.frame.known and attitude.offset.known
+    # Readings that are made of an attitude have no gravity to be levelled by.
+    from_attitude = attitude is not None and (imu.made or (attitude.frame.known and attitude.offset.known))
     window_s = WINDOW_S if length_s > 6.0 * WINDOW_S else SHORT_WINDOW_S
     earliest_s = 0.5 if from_attitude else window_s
     if attitude is not None and from_attitude:
