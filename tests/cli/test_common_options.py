@@ -3,13 +3,15 @@
 import json
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from bottomlock.cli.app import COMMANDS, app
 from bottomlock.cli.examples import EXAMPLES
-from tests.cli.calls import command, process, shortened
+from tests.cli.calls import command, shortened
 
 SHORT = ("run", "straight", "-n", "2", "-s", "3", "-j", "1", "-m", "ins,tc")
 
@@ -78,7 +80,9 @@ def test_json_is_what_the_tables_have(short: tuple[str, ...], tmp_path: Path) ->
 def test_no_color_is_honoured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where colours are forced, as in CI; without it they are there."""
     monkeypatch.setenv("FORCE_COLOR", "1")
-    coloured = re.compile("\x1b\\[[0-9;]*3[0-9]")
-    assert coloured.search(process("list", "--help").stdout)
-    monkeypatch.setenv("NO_COLOR", "1")
-    assert not coloured.search(process("list", "--help").stdout)
+    code = "from bottomlock.cli.console import console, errors, help_console as of_help\n"
+    code += "for one in (console, errors, of_help): one.print('words', style='red')"
+    for count in (3, 0):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert len(re.findall("\x1b\\[[0-9;]*3[0-9]", done.stdout + done.stderr)) == count
+        monkeypatch.setenv("NO_COLOR", "1")

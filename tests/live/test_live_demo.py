@@ -1,4 +1,4 @@
-"""`bottomlock live-demo` as a user runs it: a process of its own, its lines, Ctrl-C, mistakes."""
+"""`bottomlock live-demo` as a user runs it: its lines, and Ctrl-C in a process of its own."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import sys
 
 import pytest
 
-from tests.cli.calls import process
+from tests.cli.calls import command
 
 pytest.importorskip("pymavlink", reason="needs pymavlink (extra mavlink)")
 
 
 def test_beams_go_and_come_back_and_the_listener_goes_on_hearing() -> None:
     """Every state in its order at the listener; every message that is sent is received."""
-    done = process("live-demo", "--seconds", "20", "--speed", "5")
+    done = command("live-demo", "--seconds", "20", "--speed", "5")
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert re.search(r"^health page http://127\.0\.0\.1:\d+/$", done.stdout, re.MULTILINE)
