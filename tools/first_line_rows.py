@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from bottomlock.recordings.geodesy import radii_m
+from bottomlock.geodesy import radii_m
 from tests import dive as dives
 from tests import recorded_dives
 from tests.dive_logs import write

@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock import kernel
+from bottomlock import geodesy, kernel
 from bottomlock.errors import DataError
 from bottomlock.kernel import models
-from bottomlock.recordings import geodesy
 
 Array = NDArray[np.float64]
 

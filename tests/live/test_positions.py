@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.readings import LineReader, MavlinkReader
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.readings import AcousticPositionReading, GpsReading
 from tests.live.world import (
     LATITUDE_DEG,

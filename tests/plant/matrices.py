@@ -10,11 +10,10 @@ from bottomlock.plant.equations import (
     added_mass_matrix,
     centre_of_gravity_p_m,
     cross_flow_strips,
-    rotation_t_p,
-    skew,
 )
 from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import FloatArray
+from bottomlock.recordings.rotation import matrices, skew
 
 
 def rigid_body_coriolis_matrix(vehicle: AnyVehicle, nu: FloatArray) -> FloatArray:
@@ -63,6 +62,6 @@ def restoring_vector(vehicle: AnyVehicle, quaternion_t_p: FloatArray, gravity_mp
     body = vehicle.rigid_body
     weight = body.mass * gravity_mps2
     buoyancy = vehicle.water.density * body.displaced_volume * gravity_mps2
-    down_p = rotation_t_p(quaternion_t_p)[2]
+    down_p = matrices(quaternion_t_p)[2]
     moment = np.cross(centre_of_gravity_p_m(vehicle), weight * down_p)
     return -np.concatenate([(weight - buoyancy) * down_p, moment])

@@ -13,11 +13,11 @@ from bottomlock.plant.equations import (
     lift_and_drag,
     propeller_wrench,
     rigid_body_mass_matrix,
-    rotation_t_p,
     to_platform,
     to_tangent,
 )
 from bottomlock.plant.maths import SCALAR, FloatArray
+from bottomlock.recordings.rotation import matrices
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned, nu_dot
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,
@@ -98,7 +98,7 @@ def test_a_drifting_vehicle_goes_with_the_water(name: str) -> None:
 @given(quaternions, hnp.arrays(np.float64, 3, elements=st.floats(-5.0, 5.0)))
 def test_rotations_on_components_match_the_matrix(quaternion: FloatArray, vector: FloatArray) -> None:
     quaternion = quaternion / np.linalg.norm(quaternion)
-    matrix = rotation_t_p(quaternion)
+    matrix = matrices(quaternion)
     q, v = quaternion.tolist(), vector.tolist()
     assert np.allclose(to_tangent(*q, *v), matrix @ vector, atol=1e-12)
     assert np.allclose(to_platform(*q, *v), matrix.T @ vector, atol=1e-12)

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
+from bottomlock.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
 
 PLACES = [
     Place(np.deg2rad(latitude), np.deg2rad(longitude), height)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Inertial

@@ -7,10 +7,9 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock import kernel
+from bottomlock import geodesy, kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import models
-from bottomlock.recordings import geodesy
 from bottomlock.replay.findings.verdict import earth_findings
 from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.simulation.analytic import Attitudes, sample_motion

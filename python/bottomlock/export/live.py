@@ -17,13 +17,13 @@ from bottomlock.errors import DataError
 from bottomlock.export.formats import check_formats, write_export
 from bottomlock.export.tracks import Export, ExportTrack, environment_at, geodetic_of
 from bottomlock.files.records import sha256_of
+from bottomlock.geodesy import Place
 from bottomlock.io.columns import frame_of
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.raw_log import Entry
 from bottomlock.live.replay import Replayed, replay_log
 from bottomlock.ports.estimate import Estimate
 from bottomlock.recordings.axes import from_quaternions, to_angles
-from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.readings import Ping
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.vehicle_motion import level_axes

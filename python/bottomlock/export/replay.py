@@ -12,9 +12,9 @@ from bottomlock.export.formats import check_formats, write_export
 from bottomlock.export.tracks import Export, ExportTrack, environment_at
 from bottomlock.files.overwriting import digests_of
 from bottomlock.files.replay_tables import FORWARD, ReplayTables
+from bottomlock.geodesy import Place
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.axes import from_angles
-from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.dive_plots import taken
 from bottomlock.replay.report import read_replay

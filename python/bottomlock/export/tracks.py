@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.figures.palette import stroke
 from bottomlock.figures.series import is_utc
+from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.axes import ENU_FROM_NED, FLU_FROM_FRD
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.panels import REFERENCE_COLOUR
 

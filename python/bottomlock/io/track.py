@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, bad_column
+from bottomlock.geodesy import radii_m
 from bottomlock.io.account import Floats
 from bottomlock.io.columns import NS_OF, column_names, column_numbers, read_rows, unix_times
 from bottomlock.libraries import pl
@@ -171,11 +172,9 @@ def _flat(latitude: Floats, longitude: Floats, place: str) -> Floats:
     Raises:
         DataError: for a row beyond `FARTHEST_M`.
     """
-    a, e2 = 6_378_137.0, 6.694_379_990_14e-3
-    w = 1.0 - e2 * np.sin(latitude[0]) ** 2
+    along, across = radii_m(latitude[0])
     turned = np.mod(longitude - longitude[0] + np.pi, 2.0 * np.pi) - np.pi
-    north = a * (1.0 - e2) / w**1.5 * (latitude - latitude[0])
-    east = a / np.sqrt(w) * np.cos(latitude[0]) * turned
+    north, east = along * (latitude - latitude[0]), across * np.cos(latitude[0]) * turned
     far = np.flatnonzero(np.hypot(north, east) > FARTHEST_M)
     if far.size:
         distance_km = np.hypot(north, east)[far[0]] / 1000.0

@@ -14,6 +14,7 @@ from bottomlock import units
 from bottomlock.config.dvl import CalibrationSection, DvlSettings
 from bottomlock.config.imu import WEIGHTLESS_MPS2
 from bottomlock.config.scenario_sections import Filter, Robust
+from bottomlock.geodesy import Place
 from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
@@ -27,7 +28,6 @@ from bottomlock.live.sections import (
     StartSection,
     kind_of_imu,
 )
-from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.readings import LOST_SD_MPS, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
 from bottomlock.recordings.sensors import SENSORS

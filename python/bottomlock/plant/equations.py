@@ -21,17 +21,12 @@ from scipy.integrate import trapezoid
 from bottomlock.plant.hovering_vehicle import AnyVehicle, HoveringVehicle
 from bottomlock.plant.maths import FloatArray, Four, Maths, Number, Six, Three
 from bottomlock.plant.vehicle import Hull, Vehicle
+from bottomlock.recordings.rotation import skew
 
 Forces: TypeAlias = Callable[[Six[Number], Sequence[Number]], Six[Number]]
 """Force and moment (X, Y, Z, K, M, N), N and N m, from nu relative to the water (m/s, rad/s) and the actuators."""
 
 STRIPS = 6
-
-
-def skew(vector: FloatArray) -> FloatArray:
-    """S(a) with S(a) b = a x b, shape (3, 3)."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def centre_of_gravity_p_m(vehicle: AnyVehicle) -> FloatArray:
@@ -55,17 +50,6 @@ def added_mass_matrix(vehicle: AnyVehicle) -> FloatArray:
     matrix[1, 5] = matrix[5, 1] = -added.y_rdot
     matrix[2, 4] = matrix[4, 2] = -added.z_qdot
     return matrix
-
-
-def rotation_t_p(quaternion_t_p: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), scalar first: platform vectors to tangent."""
-    w, x, y, z = np.moveaxis(np.asarray(quaternion_t_p), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def myring_radius_m(hull: Hull, from_nose_m: FloatArray) -> FloatArray:

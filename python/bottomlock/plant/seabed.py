@@ -11,8 +11,8 @@ import numpy as np
 from bottomlock.config.mission_sections import AnySeabed, FlatSeabedTable, RollingSeabedTable
 from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.errors import ScenarioError
-from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.maths import FloatArray
+from bottomlock.recordings.rotation import matrices
 
 _MARCH_STEPS = 256
 _BISECTIONS = 40
@@ -222,7 +222,7 @@ def footprints(
     """
     directions = np.asarray(directions_p, dtype=np.float64)
     arms = np.zeros_like(directions) if lever_arms_p_m is None else np.asarray(lever_arms_p_m)
-    rotation = rotation_t_p(attitude_t_p)
+    rotation = matrices(attitude_t_p)
     rays = np.einsum("...ij,bj->...bi", rotation, directions)
     origins = np.asarray(position_t_m)[..., None, :] + np.einsum("...ij,bj->...bi", rotation, arms)
     reach, cosine = seabed.intersect(origins, rays)

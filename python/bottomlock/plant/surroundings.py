@@ -11,8 +11,8 @@ from bottomlock import units
 from bottomlock.config.sensors import Depth, Gps, Magnetometer
 from bottomlock.errors import ScenarioError
 from bottomlock.libraries import install
-from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.maths import FloatArray, IntArray
+from bottomlock.recordings.rotation import matrices
 
 BoolArray = NDArray[np.bool_]
 
@@ -97,7 +97,7 @@ def magnetic_heading_error_rad(
     The field in the platform frame is distorted by soft and hard iron and levelled with the true roll and pitch; its
     horizontal component is taken as magnetic north, and the assumed declination is added.
     """
-    rotation = rotation_t_p(attitude_t_p)
+    rotation = matrices(attitude_t_p)
     soft, hard = np.array(compass.soft_iron), np.array(compass.hard_iron_nt)
     field_p = np.einsum("...ji,j->...i", rotation, field.vector_t_nt)
     measured_p = field_p @ soft.T + hard

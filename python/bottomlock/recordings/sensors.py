@@ -14,9 +14,9 @@ from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.sensors import AcousticPositionErrors, DepthErrors, GpsErrors, WaterCells
 from bottomlock.config.through_water import DriveErrors, EffortErrors, ThrustErrors
+from bottomlock.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
 from bottomlock.kernel import Navigator, Report
 from bottomlock.recordings.drives import SpeedByForces, speed_by_revolutions
-from bottomlock.recordings.geodesy import Place, geodetic_from_tangent, tangent_from_geodetic
 from bottomlock.recordings.readings import (
     AcousticPositionReading,
     AttitudeReading,

@@ -17,10 +17,10 @@ from bottomlock.files.replay_tables import (
     innovations_schema,
     pings_schema,
 )
+from bottomlock.geodesy import geodetic_from_tangent
 from bottomlock.kernel import FIX_STATUS
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.axes import from_quaternions, to_angles
-from bottomlock.recordings.geodesy import geodetic_from_tangent
 from bottomlock.recordings.streams import Floats, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.rerun import PreparedRun, Rerun

@@ -10,9 +10,9 @@ import polars as pl
 from bottomlock.figures.palette import stroke
 from bottomlock.figures.series import Figure, Floats, Frame, Times, Track, frame_of
 from bottomlock.files.replay_tables import FORWARD, SMOOTHED, ReplayTables
+from bottomlock.geodesy import radii_m
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.pages.plots import Choice, Plots
-from bottomlock.recordings.geodesy import radii_m
 from bottomlock.replay.findings.tracks import TRUSTED
 from bottomlock.replay.panels import (
     REFERENCE_COLOUR,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from bottomlock.errors import DataError, note
+from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.io.beam_table import read_beam_table
 from bottomlock.io.beams import Instrument, read_beams, read_geometry
 from bottomlock.io.columns import column_numbers, is_code
@@ -16,7 +17,6 @@ from bottomlock.recordings.axes import (
     to_platform_axes,
 )
 from bottomlock.recordings.dvl_sections import DvlStream
-from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.readings import LOST_SD_MPS
 from bottomlock.recordings.rotation import permute_axes
 from bottomlock.recordings.stream_sections import (

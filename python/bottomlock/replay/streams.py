@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from bottomlock.geodesy import Place
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel.models import Motion
-from bottomlock.recordings.geodesy import Place
 from bottomlock.recordings.screen import LeftOut
 from bottomlock.recordings.streams import (
     Attitudes,

@@ -10,9 +10,9 @@ from bottomlock.config.scenario_sections import AltitudeLoss, Dropout
 from bottomlock.config.sensors import SENSORS
 from bottomlock.errors import DataError
 from bottomlock.plant.beam_loss import combine, markov_valid, replayed, returning, scheduled
-from bottomlock.plant.equations import rotation_t_p
 from bottomlock.plant.seabed import Footprints, footprints
 from bottomlock.plant.surroundings import GpsReception, depth_error_m, magnetic_heading_error_rad
+from bottomlock.recordings.rotation import matrices
 from bottomlock.simulation.build import Simulation
 from bottomlock.truth import Truth
 
@@ -139,7 +139,7 @@ class MeasurementSchedule:
         if self._simulation.scenario.environment.earth == "ellipsoid":
             rotation = kernel.local_earth(self._environment, position_t_m.reshape(-1, 3))["rotation_t_n"]
             flat = np.einsum("nij,nj->ni", rotation, flat)
-        ahead = rotation_t_p(attitude / np.linalg.norm(attitude, axis=-1, keepdims=True))[..., 0]
+        ahead = matrices(attitude / np.linalg.norm(attitude, axis=-1, keepdims=True))[..., 0]
         return np.asarray(np.einsum("...i,...i->...", ahead, flat.reshape(ahead.shape)))
 
     def _water(self, time_ns: Times, current: Floats, beam_valid: NDArray[np.bool_]) -> dict[str, Any]:

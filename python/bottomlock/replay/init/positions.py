@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.recordings.geodesy import Place, tangent_from_geodetic
+from bottomlock.geodesy import Place, tangent_from_geodetic
 from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
