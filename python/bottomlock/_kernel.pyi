@@ -28,7 +28,6 @@ __all__ = [
     "INERTIAL_STATES",
     "METHODS",
     "RECOMMENDED_METHOD",
-    "REPLACED_METHODS",
     "SENSORS",
     "STATES",
     "BeamGeometry",
@@ -57,7 +56,6 @@ INERTIAL_STATES: Final[int]
 STATES: Final[int]
 METHODS: Final[tuple[Method, ...]]
 RECOMMENDED_METHOD: Final[Method]
-REPLACED_METHODS: Final[dict[str, str]]
 SENSORS: Final[tuple[str, ...]]
 FIX_STATUS: Final[tuple[str, ...]]
 

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bottomlock.errors import KernelError
-from bottomlock.kernel import METHODS, REPLACED_METHODS, OwnName, register_method
+from bottomlock.kernel import METHODS, OwnName, register_method
 
 Floats = NDArray[np.float64]
 
@@ -377,21 +377,6 @@ def source_of(places: Iterable[str]) -> bytes:
         path = Path(module) if module.endswith(".py") else Path(str(_module(module, place).__file__))
         parts.append(path.read_bytes())
     return b"\0".join(parts)
-
-
-def not_replaced(name: str) -> str:
-    """The name of a method, unless it is of one that is no more.
-
-    Raises:
-        KernelError: with what has taken its place.
-
-    Examples:
-        >>> not_replaced("tc")
-        'tc'
-    """
-    if name in REPLACED_METHODS and name not in _REGISTERED:
-        raise KernelError(f"method '{name}' is no more", hint=f"{REPLACED_METHODS[name]} takes its place")
-    return name
 
 
 def known_names() -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -184,20 +183,16 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
     assert (type(copy), str(copy)) == (KernelError, str(caught.value))
 
 
-@pytest.mark.parametrize(("name", "instead"), kernel.REPLACED_METHODS.items())
-def test_a_method_that_is_no_more_says_what_takes_its_place(name: str, instead: str) -> None:
-    """Named to the kernel, to the scenario of a run and to the case of a replay, with the key in the last two."""
-    words = re.escape(f"method '{name}' is no more")
-    with pytest.raises(KernelError, match=f"{words}; {instead} takes its place"):
-        kernel.run_batch(**WORK, methods=[name], runs=1, threads=1)
+def test_a_method_that_is_unknown_is_refused_where_it_is_named() -> None:
+    """In the scenario of a run, the case of a replay and a tuning, with the nearest name."""
     for place, call in (
         ("methods", load_scenario("straight").with_overrides),
         ("replay: methods", load_case(DIVE).with_methods),
     ):
-        with pytest.raises(ScenarioError, match=rf"{place}: {words}; {instead} takes its place"):
-            call(methods=[name])
-    with pytest.raises(KernelError, match=words):
-        tune_case(DIVE, methods=[name])
+        with pytest.raises(ScenarioError, match=rf"{place}: unknown method 'tcc', did you mean 'tc'"):
+            call(methods=["tcc"])
+    with pytest.raises(ScenarioError, match=r"methods is tcc, did you mean 'tc'"):
+        tune_case(DIVE, methods=["tcc"])
 
 
 def test_arrays_of_many_dimensions_are_refused() -> None:

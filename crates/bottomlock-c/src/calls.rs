@@ -83,7 +83,7 @@ impl From<NavError> for Failure {
 
 fn status_of(error: &NavError) -> Status {
     match error {
-        NavError::UnknownName { .. } | NavError::Replaced { .. } => Status::UnknownName,
+        NavError::UnknownName { .. } => Status::UnknownName,
         NavError::TimeNotIncreasing { .. } => Status::TimeNotIncreasing,
         NavError::TooLate { .. } => Status::TooLate,
         NavError::TooFarAhead { .. } => Status::TooFarAhead,

@@ -52,8 +52,7 @@ mod _kernel {
     };
 
     use bottomlock::aiding::registry::reports;
-    use bottomlock::navigator::{METHODS, RECOMMENDED_METHOD, REPLACED_METHODS};
-    use std::collections::BTreeMap;
+    use bottomlock::navigator::{METHODS, RECOMMENDED_METHOD};
 
     use pyo3::types::PyTuple;
 
@@ -67,7 +66,6 @@ mod _kernel {
         module.add("INERTIAL_STATES", bottomlock::layout::DVL_BIAS)?;
         module.add("EARTH_RATE_RADPS", bottomlock::earth::EARTH_RATE_RADPS)?;
         module.add("RECOMMENDED_METHOD", RECOMMENDED_METHOD)?;
-        module.add("REPLACED_METHODS", BTreeMap::from(REPLACED_METHODS))?;
         let add = |key: &str, names: Vec<&str>| module.add(key, PyTuple::new(module.py(), names)?);
         add("FIX_STATUS", bottomlock::replay::FIX_STATUS.to_vec())?;
         add("SENSORS", reports().map(|(_, report)| report.name()).collect())?;

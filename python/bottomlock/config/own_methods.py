@@ -8,7 +8,7 @@ from pydantic import SerializerFunctionWrapHandler, ValidationInfo, model_serial
 from bottomlock import own_method
 from bottomlock.config.section import Section, in_folder, shown
 from bottomlock.kernel import METHODS
-from bottomlock.own_method import known_names, not_replaced
+from bottomlock.own_method import known_names
 from bottomlock.text import did_you_mean
 
 
@@ -60,7 +60,7 @@ def check_methods(methods: Iterable[str]) -> None:
     """
     seen: set[str] = set()
     for method in methods:
-        if not_replaced(method) not in known_names():
+        if method not in known_names():
             hint = did_you_mean(method, known_names())
             raise ValueError(
                 f"unknown method '{method}'{hint} (known: {', '.join(known_names())}; your own: MODULE:CLASS)"

@@ -38,7 +38,6 @@ from bottomlock._kernel import (
     INERTIAL_STATES as INERTIAL_STATES,
     METHODS as METHODS,
     RECOMMENDED_METHOD as RECOMMENDED_METHOD,
-    REPLACED_METHODS as REPLACED_METHODS,
     SENSORS as SENSORS,
     STATES as STATES,
     BeamGeometry as BeamGeometry,
@@ -182,7 +181,7 @@ def fix_method(name: str) -> FixMethod:
     for short, long in FIX_METHODS.items():
         if name in (short, long):
             return long
-    if name in METHODS or name in REPLACED_METHODS:
+    if name in METHODS:
         raise KernelError(
             f"method '{name}' needs a filter that runs from ping to ping (bottomlock replay, Navigator)",
             hint=f"of single pings there are {', '.join(FIX_METHODS)}",

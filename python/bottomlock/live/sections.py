@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from bottomlock.config.attitude_reference import AttitudeReference
@@ -12,7 +12,6 @@ from bottomlock.config.sensors import AidingSections, DepthErrors
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
-from bottomlock.own_method import not_replaced
 from bottomlock.ports.address import checked_by, sink_address, source_address
 from bottomlock.ports.estimate import VelocityMethod
 from bottomlock.ports.port import RateHz
@@ -203,7 +202,7 @@ class NavigationSection(Section):
     second, and one after each ping.
     """
 
-    method: Annotated[Method, BeforeValidator(not_replaced)] = RECOMMENDED_METHOD
+    method: Method = RECOMMENDED_METHOD
     """aiding method"""
     horizon_s: Annotated[float, Field(gt=0, le=10)] = 2.0
     """how late a measurement may be and still be put in its place"""

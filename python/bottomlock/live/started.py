@@ -23,7 +23,7 @@ from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, ke
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
 from bottomlock.live.states import Contradictions, Reasons, contradictions, grave
-from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of, not_replaced
+from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
 from bottomlock.recordings.readings import (
     AttitudeReading,
     DepthReading,
@@ -357,7 +357,7 @@ def _joined(section: str, arguments: Mapping[str, Any], keys: object) -> dict[st
 def _method(method: AnyMethod) -> str:
     """Name of a method; one's own is registered."""
     try:
-        name = not_replaced(name_of(method))
+        name = name_of(method)
     except KernelError as error:
         raise ScenarioError(error, place=PLACE) from error
     names = [one for one in known_names() if one != DEAD_RECKONING]

@@ -245,14 +245,6 @@ pub enum NavError {
         /// Names that are known.
         expected: &'static str,
     },
-    /// A method that is no more.
-    #[error("method '{name}' is no more; {instead} takes its place")]
-    Replaced {
-        /// Name given.
-        name: &'static str,
-        /// What takes its place.
-        instead: &'static str,
-    },
     /// An error in one row of a log.
     #[error("{stream} row {row}: {source}")]
     InRow {
@@ -351,7 +343,6 @@ impl NavError {
             | Self::WrongCount { field, .. }
             | Self::Implausible { field, .. } => field,
             Self::UnknownName { what, .. } => what,
-            Self::Replaced { .. } => "method",
             Self::InRow { source, .. } | Self::InMethod { source, .. } | Self::InRun { source, .. } => source.key(),
             _ => "",
         }

@@ -75,12 +75,6 @@ pub const METHODS: [Method; 11] = [
     },
 ];
 
-/// Methods that are no more, each with what takes its place.
-pub const REPLACED_METHODS: [(&str, &str); 2] = [
-    ("consistent", "sway_current"),
-    ("vb_exact", "vb with exact_virtual_beams = true"),
-];
-
 /// The method that is recommended, and the default wherever one is used that is not named. It assumes a slender vehicle, unless
 /// the prior of the motion through the water is that of another.
 pub const RECOMMENDED_METHOD: &str = "sway_current";
@@ -89,20 +83,15 @@ impl Method {
     /// Finds a method by its short name, also one that was [registered](crate::navigator::own_method::register).
     ///
     /// # Errors
-    /// [`NavError::UnknownName`], which lists the known names; [`NavError::Replaced`].
+    /// [`NavError::UnknownName`], which lists the known names.
     pub fn named(name: &str) -> Result<Self, NavError> {
         let known = METHODS.iter().find(|method| method.name == name).copied();
-        if let Some(method) = known.or_else(|| registered(name).map(OwnMethod::as_method)) {
-            return Ok(method);
-        }
-        let replaced = REPLACED_METHODS.into_iter().find(|(replaced, _)| *replaced == name);
-        Err(match replaced {
-            Some((name, instead)) => NavError::Replaced { name, instead },
-            None => NavError::UnknownName {
+        known
+            .or_else(|| registered(name).map(OwnMethod::as_method))
+            .ok_or_else(|| NavError::UnknownName {
                 what: "method",
                 name: name.into(),
                 expected: "ins, lc, tc, vb, nsv, plcf, vhv, elc, info, weak_sway, sway_current",
-            },
-        })
+            })
     }
 }

@@ -21,6 +21,6 @@ mod saved;
 
 pub use self::event_loop::{BeamAiding, Navigator};
 pub use self::live::LiveNavigator;
-pub use self::methods::{METHODS, Method, RECOMMENDED_METHOD, REPLACED_METHODS};
+pub use self::methods::{METHODS, Method, RECOMMENDED_METHOD};
 pub use self::notice::{Finding, Notice, Standing};
 pub use self::saved::Snapshot;

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.own_method import known_names, not_replaced
+from bottomlock.own_method import known_names
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.tune.criterion import (
@@ -174,7 +174,7 @@ def tune_case(
             f"fraction is {fraction:g}", expected="0.2 to 0.8: the rest of the recording judges"
         )
     if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
-        unknown = [one for one in map(not_replaced, methods) if one not in known_names()]
+        unknown = [one for one in methods if one not in known_names()]
         hint = (did_you_mean(unknown[0], MEASURED) if unknown else "") or ","
         raise ScenarioError(
             f"methods is {', '.join(methods) or 'empty'}{hint} expected some of {', '.join(MEASURED)}, each once: the "
