@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import re
+import socket
+import struct
 from collections.abc import Awaitable, Callable
 from importlib import resources
 from typing import Any
@@ -114,9 +117,14 @@ def test_events_follow_the_state() -> None:
 
 
 def test_odd_clients_do_no_harm() -> None:
-    """Garbage, a request that is too long, one that hangs up: the next is answered."""
+    """Garbage, a request too long, one that hangs up or is gone before it is accepted: the next is answered."""
+    faults: list[str] = []
 
     async def use(port: int) -> bytes:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: faults.append(context["message"]))
+        with socket.create_connection(("127.0.0.1", port)) as gone:
+            gone.sendall(b"GET / HTTP/1.1\r\n\r\n")
+            gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         await ask(port, b"\x00\xff\r\n\r\n")
         _, hanging = await asyncio.open_connection("127.0.0.1", port)
         hanging.write(b"GET / HT")
@@ -128,6 +136,8 @@ def test_odd_clients_do_no_harm() -> None:
         return await ask(port, b"GET /metrics HTTP/1.1\r\n\r\n")
 
     assert b"200 OK" in served(lambda: status(flown()), use)
+    gc.collect()
+    assert not faults
 
 
 def test_the_page_uses_no_network() -> None:

@@ -81,11 +81,13 @@ class HttpServer:
             async with asyncio.timeout(REQUEST_S):
                 request = await self._request(reader)
             self._asked.add(writer)
+            client = writer.get_extra_info("peername")
+            if client is None:
+                return  # it went away before it was accepted
             if isinstance(request, bytes):
                 writer.write(request)
             else:
-                client = writer.get_extra_info("peername")[0]
-                await self._answer(replace(request, client=client), writer)
+                await self._answer(replace(request, client=client[0]), writer)
             await writer.drain()
         except (asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # a client that never asked anything
