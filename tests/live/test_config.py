@@ -39,6 +39,7 @@ GPS = '[gps]\n[[source]]\nname = "gps"\naddress = "stdin"\nformat = "gps-csv"\nr
         (VELOCITY.replace("dvl.", "#"), 'mode = "velocity"', 'mode = "navigation"', "[imu], [origin], [start]"),
         (VELOCITY, "[[port]]", "[[port]]\nsettings.geometry = 1", "settings.geometry"),
         (VELOCITY, "[[port]]", "[[port]]\nsettings.x = 1", "'x'"),
+        (VELOCITY, 'port = "probe"', 'port = "pd0"', "'receiver_sd_mps'"),
         (VELOCITY, "[[port]]", "[water_track]\n[[port]]", "[water_track]"),
         (VELOCITY, 'port = "probe"\nto = "udpout', 'port = "probe"\nto = "ros:/x"#', "ros:/x"),
         (NAVIGATION, 'mode = "navigation"', 'mode = "velocity"', "[imu]"),

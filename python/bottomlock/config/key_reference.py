@@ -9,6 +9,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import PydanticOmit
 
 from bottomlock.config.section import unit_of
 from bottomlock.config.toml_file import toml_value
@@ -70,11 +71,15 @@ def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: st
 
 
 class _AsDeclared(GenerateJsonSchema):
-    """A JSON schema whose keys are in the order of the models."""
+    """A JSON schema whose keys are in the order of the models, without those that no file states: a port's geometry."""
 
     def sort(self, value: Any, parent_key: str | None = None) -> Any:  # noqa: ANN401, ARG002 - of pydantic
         """The schema as it is."""
         return value
+
+    def handle_invalid_for_json_schema(self, schema: Any, error_info: str) -> Any:  # noqa: ANN401, ARG002 - of pydantic
+        """Leaves it out."""
+        raise PydanticOmit
 
 
 @cache
