@@ -9,10 +9,11 @@ import socket
 import struct
 import termios
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
-from bottomlock.live.device import WAITING_S, Device
+from bottomlock.live.device import MOST_ANSWERED_BYTES, WAITING_S, Device
 from bottomlock.live.loop import cancel
 from bottomlock.live.transports import open_sink
 from bottomlock.ports.address import sink_address
@@ -33,7 +34,7 @@ def numbers(data: bytes) -> Iterator[int]:
     return (int(data[at : at + SIZE]) for at in range(0, len(data), SIZE))
 
 
-async def connected(kind: str) -> tuple[Device, asyncio.Task[None], socket.socket]:
+async def connected(kind: str, **settings: Any) -> tuple[Device, asyncio.Task[None], socket.socket]:  # noqa: ANN401
     """A port that listens or connects, and its client with a small buffer of its own."""
     other = socket.socket()
     other.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVED_BYTES)
@@ -43,7 +44,7 @@ async def connected(kind: str) -> tuple[Device, asyncio.Task[None], socket.socke
         other.bind(place)
         other.listen()
     SAID.clear()
-    sink = open_sink(sink_address(f"{kind}:127.0.0.1:{place[1]}"), SAID.append)
+    sink = open_sink(sink_address(f"{kind}:127.0.0.1:{place[1]}"), SAID.append, **settings)
     task = asyncio.create_task(sink.run())
     while sink.state == "not opened yet":  # noqa: ASYNC110 - what is waited for has no event
         await asyncio.sleep(0.005)
@@ -88,3 +89,22 @@ def test_of_a_client_that_stops_reading_a_fifth_of_a_second_waits_here(kind: str
         await cancel(task)
 
     asyncio.run(flood())
+
+
+def test_a_client_that_asks_and_does_not_read_is_not_read() -> None:
+    """No more answers wait for it than are allowed."""
+
+    async def flood() -> int:
+        sink, task, client = await connected("tcpin", answers=lambda: lambda data: data * 64)
+        most = 0
+        for _ in range(40):
+            with contextlib.suppress(BlockingIOError):
+                client.send(bytes(1 << 16))
+            await asyncio.sleep(PERIOD_S)
+            most = max(most, *(one.unwritten for one in sink.receivers))
+        client.close()
+        await cancel(task)
+        return most
+
+    piece = 64 * 1024
+    assert MOST_ANSWERED_BYTES < asyncio.run(flood()) <= MOST_ANSWERED_BYTES + piece

@@ -87,6 +87,8 @@ def _line(content: dict[str, Any]) -> bytes:
 
 MOST_BYTES = 4096
 """Of commands that wait for their end."""
+LONGEST_MODE = 16
+"""Characters of a range mode, as "auto", "=2", "1<=3": every client is told it."""
 
 
 def _is_number(value: object) -> bool:
@@ -98,7 +100,7 @@ _CONFIG: dict[str, tuple[Any, Callable[[Any], bool]]] = {
     "acoustic_enabled": (True, lambda value: value is True),
     "dark_mode_enabled": (False, lambda value: isinstance(value, bool)),
     "mounting_rotation_offset": (0.0, lambda value: _is_number(value) and value == 0),
-    "range_mode": ("auto", lambda value: isinstance(value, str)),
+    "range_mode": ("auto", lambda value: isinstance(value, str) and len(value) <= LONGEST_MODE),
     "periodic_cycling_enabled": (True, lambda value: isinstance(value, bool)),
 }
 """What a client may set, as it is at the start, and to what: nothing that would change what is sent."""

@@ -40,6 +40,10 @@ MOST_BEHIND_BYTES = 1 << 20
 """Of whole records, beyond which a receiver is left."""
 PATIENCE_S = 5.0
 """Longest time that a receiver which takes nothing is waited for, where all is to arrive."""
+MOST_ANSWERED_BYTES = 1 << 16
+"""Of answers that a client has not taken: before that it is not read."""
+ANSWERED_S = 0.05
+"""Time after an answer in which a mere target's client is not read: the answers of 32 must leave time for a ping."""
 POLL_S = 0.002
 BLOCK = 65_536
 _PIECE = 1024
@@ -332,14 +336,21 @@ class Device:
                         data = await reader.read(BLOCK)
                     if not data:
                         return "closed by the other side"
-                    if answer := answers(data):
-                        receiver.send(answer)
                     for begin in range(0, len(data), _PIECE):
-                        self._wait(data[begin : begin + _PIECE])
+                        piece = data[begin : begin + _PIECE]
+                        if answer := answers(piece):
+                            await self._send_answer(receiver, answer)
+                        self._wait(piece)
             except TimeoutError:
                 return f"silent for {self._silence_s:g} s"
             except OSError as error:
                 return words_of(error)
+
+    async def _send_answer(self, receiver: Receiver, answer: bytes) -> None:
+        """Sends an answer; who asks without end, or does not read the answers, is not read meanwhile."""
+        receiver.send(answer)
+        await receiver.drained(MOST_ANSWERED_BYTES)
+        await asyncio.sleep(ANSWERED_S if self._on_data is None else 0.0)
 
     def write(self, data: bytes, port: int = 0) -> bool:
         """Writes a message of a port, in time or not at all; whether there is a receiver, as for a file."""
