@@ -192,6 +192,9 @@ def test_two_vehicles_are_not_mixed() -> None:
         found = [len(reader.feed(imu(system) + imu(system, 2))) for system in (7, 8, 7)]
         assert found == [system == kept for system in (7, 8, 7)]
         assert any(f"of system {15 - kept}, component 1" in why for why in reader.skipped)
+    # Nobody's number is one, too.
+    reader = MavlinkReader(None, 9.8)
+    assert [len(reader.feed(imu(*sender))) for sender in ((0, 0), (7, 1), (0, 1), (0, 0))] == [1, 0, 0, 1]
 
 
 @pytest.mark.parametrize("known", [True, False])

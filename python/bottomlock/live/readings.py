@@ -210,10 +210,12 @@ class MavlinkReader(Reader[Reading]):
         if kind not in self._made:
             return None
         sender = record.get_srcSystem(), record.get_srcComponent()
-        if sender[0] != (self.system or sender[0]) or sender[1] != (self.component or sender[1]):
+        known = self.system, self.component
+        if any(own not in {None, other} for own, other in zip(known, sender, strict=True)):
+            system, component = ("any" if own is None else own for own in known)
             return (
-                f"{kind} of system {sender[0]}, component {sender[1]}, and this source reads system "
-                f"{self.system or 'any'}, component {self.component or 'any'}"
+                f"{kind} of system {sender[0]}, component {sender[1]}, and this source reads system {system}, "
+                f"component {component}"
             )
         self.system, self.component = sender
         (make, needed), message = self._made[kind], MESSAGES[kind]
