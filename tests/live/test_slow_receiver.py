@@ -15,7 +15,7 @@ import pytest
 
 from bottomlock.live.device import MOST_ANSWERED_BYTES, WAITING_S, Device
 from bottomlock.live.loop import cancel
-from bottomlock.live.transports import open_sink
+from bottomlock.live.transports import FULL, MOST_RECEIVERS, open_sink
 from bottomlock.ports.address import sink_address
 
 SIZE = 800
@@ -89,6 +89,23 @@ def test_of_a_client_that_stops_reading_a_fifth_of_a_second_waits_here(kind: str
         await cancel(task)
 
     asyncio.run(flood())
+
+
+def test_a_port_says_that_it_is_full() -> None:
+    """It has no readings of which one client is the source."""
+
+    async def fill() -> None:
+        sink, task, client = await connected("tcpin")
+        place = client.getpeername()
+        others = [await asyncio.open_connection(*place) for _ in range(MOST_RECEIVERS)]
+        assert await asyncio.wait_for(others[-1][0].read(), 10.0) == b""
+        assert (SAID, sink.not_read) == ([FULL], 1)
+        for _, writer in others:
+            writer.close()
+        client.close()
+        await cancel(task)
+
+    asyncio.run(fill())
 
 
 def test_a_client_that_asks_and_does_not_read_is_not_read() -> None:

@@ -21,6 +21,7 @@ HELD_S = 5.0
 """A client that has given a reading within this time keeps its place; another is sent away."""
 MOST_RECEIVERS = 32
 """Clients of one target."""
+FULL = f"a further client is sent away: there are {MOST_RECEIVERS}"
 _CLIENTS = " clients"
 UNHEARD_S = 5.0
 """Time without a refused datagram after which somebody is taken to receive."""
@@ -87,7 +88,7 @@ class _Server(Device):
         """Whether the client that is there keeps its place."""
         if self._on_data is not None and asyncio.get_running_loop().time() - self._read_s >= HELD_S:
             return False
-        self._say(SECOND)
+        self._say(FULL if self._on_data is None else SECOND)
         return True
 
 
