@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from bottomlock.live.engine import Engine
 from tests.live import world
-from tests.live.world import World, config
+from tests.live.world import Sent, World, config
 
 Arrivals = list[tuple[int, int, bytes]]
 
@@ -87,6 +88,20 @@ def test_pings_that_contradict_the_estimate(monkeypatch: pytest.MonkeyPatch) -> 
     assert "UNSAFE: 4 pings in a row contradict the estimate" in why[first:]
     assert not any("5 pings in a row" in words for words in why)
     assert engine.state == "OK", engine.machine.why
+
+
+def test_a_false_beam_does_not_give_the_velocity_of_the_start() -> None:
+    """One beam is false by 1 m/s while the navigator aligns itself, until a second after it would have begun."""
+    engine, found = Engine(config("navigation")), []
+    for arrival_ns, source, data in World(6.0).arrivals(imu=True):
+        sent = data
+        if source == 0 and arrival_ns < world.START_NS + 2_000_000_000:
+            report = json.loads(data)
+            report["transducers"][1]["velocity"] += 1.0
+            sent = json.dumps(report).encode() + b"\n"
+        found += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, sent)]
+    assert found[0].time_ns > world.START_NS + 1_900_000_000
+    assert max(float((np.abs(one.velocity - world.VELOCITY) / one.sd).max()) for one in found) < 4.0
 
 
 def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.models import InitialState
-from bottomlock.live.estimator import solve_ping
+from bottomlock.live.estimator import PINGS, closes, solve_ping
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.sections import ImuFromAttitude, StartSection
 from bottomlock.recordings.attitude_motion import MotionFromAttitude
@@ -277,6 +277,8 @@ class AlignedNavigator:
         self._alignment = self._new_alignment()
         self._made: dict[type, Callable[[Any, Floats], SpeedReading]] = {}
         self._last_ns: int | None = None
+        self._unclosed = 0
+        """Complete pings in a row whose beams do not close."""
         self.navigator: Navigator | None = None
         self.time_ns: int | None = None
         self.omega_p_radps: Floats | None = None
@@ -456,10 +458,16 @@ class AlignedNavigator:
             )
 
     def solve(self, time_ns: int, ping: Ping) -> VelocityFixes:
-        """The velocity of a ping by itself, which the alignment waits for; noise as `NavigatorConfig.with_noise`."""
+        """The velocity of a ping by itself, which the alignment waits for; noise as `NavigatorConfig.with_noise`.
+
+        A start takes none whose beams disagree, unless they always do: then their noise is not as claimed.
+        """
         fixes = solve_ping(self._instrument.geometry, ping, "info")
         if int(fixes.rank[0]) == 3:
-            self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
+            if ping.valid.all():
+                self._unclosed = 0 if closes(self._instrument.geometry, ping) else self._unclosed + 1
+            if not 0 < self._unclosed <= PINGS:
+                self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
             if self._motion is not None:
                 self._motion.hold(fixes.velocity_p_mps[0])
         return fixes

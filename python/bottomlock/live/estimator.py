@@ -38,6 +38,16 @@ def whitened_closure(geometry: BeamGeometry, sd_mps: NDArray[np.float64]) -> NDA
     return closure_rows(geometry.directions_p / sd_mps[:, np.newaxis])
 
 
+CLOSURE_SD = 3.29
+"""Closure of a complete ping over its 1 sigma that noise does not reach: once in 1,000."""
+
+
+def closes(geometry: BeamGeometry, ping: Ping) -> bool:
+    """Whether the beams of a complete ping with its claimed noise agree; also where none is redundant."""
+    closure = whitened_closure(geometry, ping.sd_mps) @ (ping.velocity_mps / ping.sd_mps)
+    return not closure.size or float(np.abs(closure).max()) <= CLOSURE_SD
+
+
 class Closure:
     """Scatter of the closure, and of the beams about the instrument's own velocity, over what the beams' noise claims.
 
@@ -90,8 +100,6 @@ def _robust(last: Collection[NDArray[np.float64]]) -> float | None:
 
 JUMP_SD = 4.0
 """Difference of two readings over its 1 sigma that noise does not reach: once in 16,000 readings."""
-CLOSURE_SD = 3.29
-"""The same of the closure of a complete ping: once in 1,000."""
 OLDEST_S = 2.0
 """Age of a reading with which none is compared any more."""
 REOPENED = 3
