@@ -122,8 +122,7 @@ def summed(table: pl.DataFrame) -> tuple[list[str], list[list[Any]]]:
     """A row a method: its verdicts, and the range of its velocity error by the number of beams."""
     world, rows = verdicts(table, ""), []
     table = table.with_columns(returning=pl.col("beams").str.count_matches(",") + 1)
-    for method in table["method"].unique(maintain_order=True):
-        here = table.filter(method=method)
+    for (method,), here in table.group_by("method", maintain_order=True):
         ranges = [_range(here.filter(pl.col("returning").is_in(beams))) for beams in ([3, 4], [2], [1])]
         found = standing(world, method)
         counts = [found.cells, found.consistent, found.overconfident, found.overconfident_core]
@@ -174,9 +173,7 @@ def _text(value: object) -> str:
         return "–"
     if not isinstance(value, float):
         return str(value)
-    return (
-        f"{value:.4g}" if 100.0 <= abs(value) < 1e4 else f"{value:.3g}" if abs(value) < 1e4 else number(value)
-    )
+    return number(value) if abs(value) >= 1e4 else f"{value:.{4 if abs(value) >= 100.0 else 3}g}"
 
 
 def _markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

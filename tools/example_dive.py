@@ -82,10 +82,8 @@ def made(folder: Path, flown: Scenario) -> list[str]:
     write_parquet(folder / "imu.parquet", streams["imu"].select(at, *counts))
     depth = streams["depth"].select(at, pl.col("depth_m").round(3))
     write_text(folder / "depth.csv", depth.write_csv())
-    angles = [
-        pl.col(f"{name}_rad").degrees().round(2).alias(f"{title}_deg")
-        for name, title in (("roll", "roll"), ("pitch", "pitch"), ("yaw", "heading"))
-    ]
+    titles = {"roll": "roll_deg", "pitch": "pitch_deg", "yaw": "heading_deg"}
+    angles = [pl.col(f"{name}_rad").degrees().round(2).alias(title) for name, title in titles.items()]
     write_text(folder / "compass.csv", streams["attitude"].select(at, *angles).write_csv())
     north, east, down = (pl.col(f"position_{axis}_m").round(2) for axis in ("north", "east", "down"))
     elapsed_s = (pl.col("time_ns") - pl.col("time_ns").first()) * 1e-9

@@ -10,8 +10,6 @@ claims, beside those of `tc` (the same two beams) and `lc` (all four), on three 
 from __future__ import annotations
 
 import argparse
-import io
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import bottomlock
-from bottomlock.figures.palette import FAINT, INK, STYLE, stroke
+from bottomlock.figures.palette import FAINT, INK, STYLE, stroke, svg_text
 from bottomlock.files.atomic_write import write_text
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "figures"
@@ -123,16 +121,10 @@ def _names(axes: Axes, table: pl.DataFrame) -> None:
 
 def svg(figure: Figure, *, dark: bool = False) -> str:
     """The figure as SVG without a background, for a light or a dark page."""
-    buffer = io.StringIO()
-    with mpl.rc_context(_STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"
+    text = svg_text(figure, _STYLE)
     for light, other in DARK.items() if dark else ():
         text = text.replace(light, other)
-    # A tenth of a point is invisible.
-    return re.sub(
-        r'(?<= d=")[^"]+', lambda path: re.sub(r"\d+\.\d+", lambda n: f"{float(n[0]):.1f}", path[0]), text
-    )
+    return text
 
 
 def main() -> int:

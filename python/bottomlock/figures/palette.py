@@ -201,10 +201,10 @@ def png_bytes(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def svg_text(figure: Figure) -> str:
-    """The figure as SVG on white; the same figure gives the same text."""
+def svg_text(figure: Figure, style: Any = STYLE) -> str:  # noqa: ANN401 - matplotlib's
+    """The figure as SVG in a style, on white by default; the same figure gives the same text."""
     buffer = io.StringIO()
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(style):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"
     return re.sub(r'(?<= d=")[^"]+', lambda match: _shorter(match[0]), text)
