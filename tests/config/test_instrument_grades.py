@@ -46,7 +46,7 @@ def test_the_torpedo_is_the_kernels_own_and_vehicles_fill_the_keys_left_out() ->
 def test_every_vehicle_has_a_source_and_a_prior_that_the_kernel_takes(name: str) -> None:
     one = grade_of("water", name)
     assert len(one.source) > 20
-    assert set(one.keys) == set(models.Water().as_dict()) - {"slip_epochs"}
+    assert set(one.keys) == set(models.Water().as_dict())
     water = bottomlock.vehicle_water(name)
     kernel.check_settings(water.place, water.as_dict())
 

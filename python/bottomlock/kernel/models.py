@@ -380,8 +380,6 @@ class Water(Settings, place="options.water"):
     """sway and heave through the water beside these"""
     slip_time_s: Positive = 5.0
     """correlation time of the slip"""
-    slip_epochs: Annotated[float, Field(ge=1, allow_inf_nan=False), _ONE] = 20.0
-    """weight of the slip's prior variance, as a number of epochs"""
 
 
 class CurrentLayers(Settings, place="options.current_layers"):

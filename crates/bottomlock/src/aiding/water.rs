@@ -67,8 +67,6 @@ pub struct WaterPrior {
     pub slip_sd_mps: f64,
     /// Correlation time of s and h, s.
     pub slip_time_s: f64,
-    /// Weight of the prior variance of s and h, as a number of epochs.
-    pub slip_epochs: f64,
 }
 
 impl Default for WaterPrior {
@@ -83,7 +81,6 @@ impl Default for WaterPrior {
             trim_time_s: 3600.0,
             slip_sd_mps: 0.02,
             slip_time_s: 5.0,
-            slip_epochs: 20.0,
         }
     }
 }
@@ -102,14 +99,6 @@ impl WaterPrior {
         require_positive("options.water.trim_time_s", self.trim_time_s)?;
         require_positive("options.water.slip_sd_mps", self.slip_sd_mps)?;
         require_positive("options.water.slip_time_s", self.slip_time_s)?;
-        require_positive("options.water.slip_epochs", self.slip_epochs)?;
-        if self.slip_epochs < 1.0 {
-            return Err(NavError::OutOfRange {
-                field: "options.water.slip_epochs",
-                value: self.slip_epochs,
-                expected: "1 or more",
-            });
-        }
         let bounded = [
             ("options.water.current_sd_mps", self.current_sd_mps),
             ("options.water.sway_gain_m", self.sway_gain_m),

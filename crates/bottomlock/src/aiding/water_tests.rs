@@ -119,13 +119,8 @@ fn the_yaw_is_not_learned() {
 /// Every number is checked, by name.
 #[test]
 fn priors_are_checked() {
-    let one_epoch = WaterPrior {
-        slip_epochs: 1.0,
-        ..WaterPrior::default()
-    };
-    assert_eq!(one_epoch.validate(), Ok(()));
     type Change = fn(&mut WaterPrior);
-    let changes: [(&str, Change); 14] = [
+    let changes: [(&str, Change); 13] = [
         ("water.current_sd_mps", |prior| prior.current_sd_mps = -0.1),
         ("water.current_time_s", |prior| prior.current_time_s = 0.0),
         ("water.sway_gain_m", |prior| prior.sway_gain_m = f64::NAN),
@@ -134,7 +129,6 @@ fn priors_are_checked() {
         ("water.trim_time_s", |prior| prior.trim_time_s = -1.0),
         ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 0.0),
         ("water.slip_time_s", |prior| prior.slip_time_s = f64::NAN),
-        ("water.slip_epochs", |prior| prior.slip_epochs = 0.5),
         // The squares of such numbers swamp the covariance.
         ("water.current_sd_mps", |prior| prior.current_sd_mps = 1e7),
         ("water.trim_sd_mps", |prior| prior.trim_sd_mps = 3e9),

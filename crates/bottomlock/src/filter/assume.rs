@@ -4,17 +4,14 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Eskf;
 use crate::aiding::Innovation;
-use crate::aiding::Motion;
 use crate::aiding::further::{FurtherRows, block};
-use crate::aiding::water::{WATER, WaterRow, WaterVector};
+use crate::aiding::water::{WATER, WaterRow};
 use crate::error::NavError;
 use crate::filter::gate::{Gate, GateTable};
 use crate::filter::report::{Sensor, UpdateReport, Verdict};
 use crate::filter::slip_test::Alarm;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::Vec3;
 use crate::layout::VELOCITY;
-use crate::state::{Covariance, NavState};
+use crate::state::Covariance;
 
 /// Chi-squared quantile of three degrees at 1 − 1e-6: tested at every epoch, so it must not be exceeded by chance in a
 /// mission.
@@ -116,35 +113,6 @@ impl Eskf {
         }
         let normalised = reports.map(|report| report.residual[0] / report.covariance[(0, 0)].sqrt());
         (self.extensions.water.as_mut()).map_or([None; 2], |water| water.test(normalised))
-    }
-
-    /// Learns the slip of a row from the velocity of a ping that determines all of it, m/s, with its covariance, (m/s)².
-    pub(crate) fn learn_slip(
-        &mut self,
-        row_of: fn(&Motion<'_>, &WaterVector) -> WaterRow,
-        axis: usize,
-        whole: &(Vector3<f64>, Matrix3<f64>),
-    ) {
-        let Some(mean) = self.water().map(WaterBlock::prior_mean) else {
-            return;
-        };
-        let row = self.with_motion(|motion| {
-            let state = NavState {
-                velocity_p_mps: Vec3::from(whole.0),
-                ..*motion.state
-            };
-            row_of(
-                &Motion {
-                    state: &state,
-                    ..*motion
-                },
-                &mean,
-            )
-        });
-        if let Some(water) = &mut self.extensions.water {
-            water.learn(&row, whole.1[(axis, axis)]);
-        }
-        self.extensions.note_water();
     }
 }
 

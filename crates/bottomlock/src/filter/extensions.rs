@@ -119,7 +119,7 @@ impl Extensions {
         }
     }
 
-    /// Takes note of what the slips have learnt.
+    /// Takes note of what the tests show of slips and current.
     pub(super) fn note_water(&mut self) {
         if let (Some(water), Some(further)) = (&self.water, &mut self.further) {
             further.set(block::WATER, &water.processes());

@@ -29,7 +29,6 @@ mod predict;
 mod prediction;
 pub mod report;
 mod restored;
-mod slip_model;
 pub(crate) mod slip_test;
 mod slow_errors;
 mod streams;

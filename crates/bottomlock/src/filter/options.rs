@@ -134,7 +134,7 @@ mod tests {
     fn every_part_is_checked() {
         assert_eq!(Options::default().validate(), Ok(()));
         type Fault = (&'static str, fn(&mut Options));
-        let faults: [Fault; 12] = [
+        let faults: [Fault; 11] = [
             ("covariance_period_ns", |options| options.covariance_period_ns = -1),
             ("inflate_after_rejections", |options| {
                 options.inflate_after_rejections = 1
@@ -146,7 +146,6 @@ mod tests {
                 options.assumptions.exact_virtual_beams = true;
                 options.assumptions.virtual_beam_factor = 2.0;
             }),
-            ("water.slip_epochs", |options| options.water.slip_epochs = 0.5),
             ("current_layers.way_m", |options| options.current_layers.way_m = 0.0),
             ("clock_sd_s", |options| options.calibration.clock_sd_s = -1.0),
             ("speed_bound.sd_mps", |options| options.speed_bound.sd_mps = -1.0),

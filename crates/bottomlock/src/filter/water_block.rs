@@ -1,14 +1,21 @@
-//! The water states of [`crate::aiding::water`] as a block of the filter: the slip as measured and tested.
+//! The water states of [`crate::aiding::water`] as a block of the filter: the slip as assumed and tested.
 
-use super::slip_model::{MeasuredSlip, SlipModel};
 use super::slip_test::{Alarm, SlipTest};
 use crate::aiding::current_layers::{Layers, LayersPrior};
 use crate::aiding::further::Process;
-use crate::aiding::water::{CURRENT, GAIN, HEAVE, SWAY, TRIM, WATER, WaterPrior, WaterRow, WaterVector};
-use crate::error::{NavError, require_finite};
+use crate::aiding::water::{CURRENT, HEAVE, SWAY, WATER, WaterPrior, WaterRow, WaterVector};
+use crate::error::{NavError, require_finite, require_positive};
 
-/// A prior that counts for as many pseudo-observations is fixed: no alarm widens it.
-const FIXED_EPOCHS: f64 = 1e6;
+/// Slip of a vehicle of which nothing is known, m/s and s: that of one that is moved sideways for minutes by thrusters (the preset
+/// `hovering`). The first alarm widens at least to it.
+const UNKNOWN_MPS: f64 = 0.3;
+const UNKNOWN_S: f64 = 60.0;
+/// An alarm multiplies the standard deviation and, for a slip that lasts, the time constant.
+const LARGER: f64 = 2.0;
+const LONGER: f64 = 4.0;
+/// Bounds that alarms do not exceed, m/s and s: beyond them an assumption has no weight.
+const LARGEST_MPS: f64 = 10.0;
+const LONGEST_S: f64 = 3600.0;
 
 /// What is known of the water states beside their estimates.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -20,28 +27,48 @@ pub struct WaterBlock {
     since_s: f64,
     /// Slip due to the angular rate at the last epoch, m/s.
     turning_mps: WaterVector,
-    /// Slip in sway and heave, and the tests of it.
-    slips: [SlipModel; 2],
+    /// Slip in sway and heave as assumed: at the prior or wider, and the test of both.
+    slips: [Slip; 2],
     test: SlipTest,
     restarts: u64,
     alarms: u64,
+}
+
+/// Standard deviation, m/s, and time constant, s, of a slip.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Slip {
+    sd_mps: f64,
+    time_s: f64,
+}
+
+impl Slip {
+    fn of(prior: &WaterPrior) -> Self {
+        Self {
+            sd_mps: prior.slip_sd_mps,
+            time_s: prior.slip_time_s,
+        }
+    }
+
+    /// Widens it after an alarm, which shows that the vehicle is not the one assumed.
+    fn widen(&mut self, alarm: Alarm) {
+        let lasts = matches!(alarm, Alarm::Lasting(window_s) if window_s > self.time_s);
+        let longer_s = if lasts { self.time_s * LONGER } else { self.time_s };
+        self.sd_mps = self.sd_mps.max((self.sd_mps * LARGER).clamp(UNKNOWN_MPS, LARGEST_MPS));
+        self.time_s = self.time_s.max(longer_s.clamp(UNKNOWN_S, LONGEST_S));
+    }
 }
 
 impl WaterBlock {
     /// The block at its prior.
     #[must_use]
     pub fn new(prior: &WaterPrior) -> Self {
-        let variance = prior.processes().map(|process| process.variance);
-        let slip = |slip: usize, third: usize| {
-            let constants = [CURRENT, CURRENT + 1, third].map(|k| variance[k]);
-            SlipModel::new(variance[slip], prior.slip_time_s, prior.slip_epochs, constants)
-        };
+        let slip = Slip::of(prior);
         Self {
             prior: *prior,
             layers: None,
             since_s: 0.0,
             turning_mps: WaterVector::zeros(),
-            slips: [slip(SWAY, GAIN), slip(HEAVE, TRIM)],
+            slips: [slip; 2],
             test: SlipTest::new(),
             restarts: 0,
             alarms: 0,
@@ -55,11 +82,11 @@ impl WaterBlock {
         self
     }
 
-    /// A block at the same prior with what was measured of the slip, with one more restart counted.
+    /// A block at the same prior with the slip as it is assumed now, with one more restart counted.
     #[must_use]
     pub fn restarted(&self) -> Self {
         Self {
-            slips: self.slips.clone(),
+            slips: self.slips,
             restarts: self.restarts + 1,
             alarms: self.alarms,
             ..Self::new(&self.prior)
@@ -92,7 +119,10 @@ impl WaterBlock {
         self.prior.validate()?;
         require_finite("slip due to the rate", time_ns, self.turning_mps.as_slice())?;
         require_finite("time since the slip was tested", time_ns, &[self.since_s])?;
-        self.slips.iter().try_for_each(|slip| slip.check_restored(time_ns))?;
+        self.slips.iter().try_for_each(|slip| {
+            require_positive("slip", slip.sd_mps)?;
+            require_positive("slip time", slip.time_s)
+        })?;
         (self.layers.as_ref()).map_or(Ok(()), Layers::check_restored)?;
         self.test.check_restored(time_ns)
     }
@@ -112,7 +142,7 @@ impl WaterBlock {
     /// Time constants of the slip in sway and heave, s.
     #[must_use]
     pub fn slip_time_s(&self) -> [f64; 2] {
-        [0, 1].map(|k| self.slips[k].time_s())
+        self.slips.map(|slip| slip.time_s)
     }
 
     /// The current's layers, where there are any.
@@ -129,12 +159,10 @@ impl WaterBlock {
     /// Time has passed.
     pub(super) fn wait(&mut self, duration_s: f64) {
         self.since_s += duration_s;
-        self.slips.iter_mut().for_each(|slip| slip.wait(duration_s));
         self.layers.iter_mut().for_each(|layers| layers.wait(duration_s));
     }
 
-    /// The water states: those of the prior, with what was learnt of the slip in sway and heave and what the tests show of the
-    /// current.
+    /// The water states: those of the prior, with what the tests show of the slip in sway and heave and of the current.
     #[must_use]
     pub fn processes(&self) -> [Process; WATER] {
         let mut processes = self.prior.processes();
@@ -143,8 +171,7 @@ impl WaterBlock {
         let time_s = self.test.current_time_s(time_s);
         for axis in 0..2 {
             processes[CURRENT + axis].time_s = time_s;
-            processes[SWAY + axis].variance = self.slips[axis].variance();
-            processes[SWAY + axis].time_s = self.slips[axis].time_s();
+            processes[SWAY + axis] = Process::lasting(self.slips[axis].sd_mps, self.slips[axis].time_s);
         }
         processes
     }
@@ -170,27 +197,7 @@ impl WaterBlock {
     /// Tests the slips by the normalised innovations of the rows of a ping, of sway and of heave.
     pub(crate) fn test(&mut self, normalised: [f64; 2]) -> [Option<Alarm>; 2] {
         let since_s = std::mem::replace(&mut self.since_s, 0.0);
-        if self.prior.slip_epochs >= FIXED_EPOCHS {
-            return [None; 2];
-        }
         self.test.take(normalised, since_s)
-    }
-
-    /// Learns the slip from a row at the measured velocity, whose component has this variance, and at the prior's mean
-    /// ([`WaterBlock::prior_mean`]).
-    pub(crate) fn learn(&mut self, row: &WaterRow, variance_m2ps2: f64) {
-        let third = if row.slip == HEAVE { TRIM } else { GAIN };
-        let turning_mps = self.turning_of(row);
-        self.slips[row.slip - SWAY].learn(&MeasuredSlip {
-            measured_mps: -row.residual,
-            by: [CURRENT, CURRENT + 1, third].map(|k| -row.by_water[k]),
-            variance: variance_m2ps2 + row.variance + turning_mps * turning_mps,
-        });
-    }
-
-    /// The water states before anything was measured.
-    pub(crate) fn prior_mean(&self) -> WaterVector {
-        self.prior.mean()
     }
 }
 

@@ -45,10 +45,6 @@ fn left(duration_s: f64) -> WaterVector {
         .into()
 }
 
-fn slip_variance(block: &WaterBlock, slip: usize) -> f64 {
-    block.processes()[slip].variance
-}
-
 fn joint(filter: &Eskf) -> DMatrix<f64> {
     filter.joint_covariance()
 }
@@ -172,49 +168,27 @@ fn water_states_decay() {
     }
 }
 
-/// A row at a velocity that was measured is the slip, less the sway gain of the prior; current and gain are its constants.
+/// By hand: the first alarm widens to what is assumed of an unknown vehicle, the next doubles the deviation, and the time grows
+/// fourfold where the slip lasts beyond it; a wide slip is not narrowed.
 #[test]
-fn a_measured_slip_by_hand() {
-    let filter = filter();
-    let mean = filter.water().unwrap().prior_mean();
-    let row = filter.with_motion(|motion| sway_row(motion, &mean));
-    let mut block = WaterBlock::new(&options().water);
-    let start = slip_variance(&block, row.slip);
-    assert_eq!(block.slip_time_s(), [options().water.slip_time_s; 2]);
-    // The sway of `filter` is 0.1 m/s, five sigma of the prior, and the turn is negligible: in minutes it becomes a current.
-    assert!((row.residual + 0.1).abs() < 1e-3, "{}", row.residual);
-    for _ in 0..300 {
-        block.wait(1.0);
-        block.learn(&row, 1e-4);
-    }
-    assert!(slip_variance(&block, row.slip) < start);
-    // Alternating by 0.4 m/s it is none.
-    for k in 0..40 {
-        let residual = if k % 2 == 0 { 0.3 } else { -0.5 };
-        block.wait(1.0);
-        block.learn(&WaterRow { residual, ..row }, 1e-4);
-    }
-    let larger = slip_variance(&block, row.slip);
-    assert!(larger > 9.0 * start, "{larger}");
-    assert_eq!(slip_variance(&block, HEAVE), start);
-    assert_eq!(slip_variance(&block.restarted(), row.slip), larger);
-}
-
-/// A prior that counts for a million observations is neither widened by an alarm nor moved by what is measured.
-#[test]
-fn a_fixed_prior_stays() {
-    let prior = |slip_epochs| WaterPrior {
-        slip_epochs,
-        ..options().water
+fn alarms_widen_by_hand() {
+    let mut slip = Slip::of(&WaterPrior::default());
+    let mut after = |alarm| {
+        slip.widen(alarm);
+        (slip.sd_mps, slip.time_s)
     };
-    for (epochs, alarms) in [(1e6, false), (20.0, true)] {
-        let mut block = WaterBlock::new(&prior(epochs));
-        let alarmed = (0..50).any(|_| {
-            block.wait(1.0);
-            block.test([4.0, 0.0]) != [None; 2]
-        });
-        assert_eq!(alarmed, alarms);
-    }
+    assert_eq!(after(Alarm::Larger), (0.3, 60.0));
+    assert_eq!(after(Alarm::Lasting(32.0)), (0.6, 60.0));
+    assert_eq!(after(Alarm::Lasting(128.0)), (1.2, 240.0));
+    (0..20).for_each(|_| _ = after(Alarm::Lasting(1e5)));
+    assert_eq!(after(Alarm::Larger), (10.0, 3600.0));
+    let weightless = Slip {
+        sd_mps: 1e6,
+        time_s: 1e5,
+    };
+    let mut slip = weightless;
+    slip.widen(Alarm::Lasting(1e6));
+    assert_eq!(slip, weightless);
 }
 
 /// Numbers from bytes are finite, or named.
@@ -222,10 +196,12 @@ fn a_fixed_prior_stays() {
 fn restored_numbers_are_checked() {
     let good = WaterBlock::new(&WaterPrior::default());
     assert_eq!(good.check_restored(3), Ok(()));
-    let faults: [fn(&mut WaterBlock); 3] = [
+    let faults: [fn(&mut WaterBlock); 5] = [
         |block| block.prior.slip_time_s = 0.0,
         |block| block.since_s = f64::NAN,
         |block| block.turning_mps[4] = f64::NAN,
+        |block| block.slips[0].sd_mps = 0.0,
+        |block| block.slips[1].time_s = f64::NAN,
     ];
     for (number, change) in faults.into_iter().enumerate() {
         let mut bad = good.clone();
@@ -234,7 +210,7 @@ fn restored_numbers_are_checked() {
     }
 }
 
-/// A block that starts again has its prior and what was learned of the slip, and counts; an alarm widens the slip it names alone.
+/// A block that starts again has its prior and the slip as assumed, and counts; an alarm widens the slip it names alone.
 #[test]
 fn a_restart_forgets_all_but_the_slip() {
     let fresh = WaterBlock::new(&WaterPrior::default());

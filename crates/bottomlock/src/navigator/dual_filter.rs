@@ -4,8 +4,6 @@
 //! The constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the
 //! measurements alone accepted. Where these contradict it several times in a row, it starts again from the other one.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::aiding::water::{SWAY, WaterRow, WaterVector, heave_row, sway_row};
 use crate::aiding::{Innovation, Motion};
 use crate::error::NavError;
@@ -20,8 +18,8 @@ use crate::mechanisation::ImuSample;
 
 /// An assumption as a row, by the motion and the water states.
 type RowOf = fn(&Motion<'_>, &WaterVector) -> WaterRow;
-/// The assumptions in the order in which they are applied, with the axis of the platform frame.
-const ROWS: [(Sensor, RowOf, usize); 2] = [(Sensor::Heave, heave_row, 2), (Sensor::Sway, sway_row, 1)];
+/// The assumptions in the order in which they are applied.
+const ROWS: [(Sensor, RowOf); 2] = [(Sensor::Heave, heave_row), (Sensor::Sway, sway_row)];
 /// Measurements contradict the assumptions, whichever it is.
 const BOTH_LARGER: [Option<Alarm>; 2] = [Some(Alarm::Larger); 2];
 
@@ -243,16 +241,11 @@ impl DualFilter {
 
     /// Applies the assumptions on sway and heave through the water to the constrained filter, each with its own gate.
     ///
-    /// `whole` is the velocity of a ping that determines all of it, with its covariance: the slip is learned from it. An alarm
-    /// of the slip's test restarts the constrained filter from the other one, with a wider slip.
+    /// An alarm of the slip's test restarts the constrained filter from the other one, with a wider slip.
     ///
     /// # Errors
     /// As [`Eskf::assume`].
-    pub(crate) fn assume(
-        &mut self,
-        whole: Option<&(Vector3<f64>, Matrix3<f64>)>,
-        report: &mut dyn FnMut(&UpdateReport),
-    ) -> Result<(), NavError> {
+    pub(crate) fn assume(&mut self, report: &mut dyn FnMut(&UpdateReport)) -> Result<(), NavError> {
         if self.assumptions_failed() {
             self.widen_slip(BOTH_LARGER);
         }
@@ -261,13 +254,10 @@ impl DualFilter {
         };
         filter.prepare_for_water(None);
         let mut outcomes = [None; 2];
-        for (sensor, row_of, axis) in ROWS {
+        for (sensor, row_of) in ROWS {
             let Some(water) = filter.current_at_vehicle().map(|at| at.water) else {
                 return Ok(());
             };
-            if let Some(whole) = whole {
-                filter.learn_slip(row_of, axis, whole);
-            }
             let row = filter.with_motion(|motion| row_of(motion, &water));
             let outcome = filter.assume(&row, sensor)?;
             report(&outcome);

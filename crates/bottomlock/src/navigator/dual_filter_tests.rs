@@ -1,5 +1,7 @@
 //! When the constrained filter starts again, what it takes from the measurements, and that nothing leaves one of the two out.
 
+use nalgebra::Vector3;
+
 use super::*;
 use crate::aiding::water::{CURRENT, HEAVE, WATER, WaterPrior};
 use crate::aiding::water_track::WaterSample;
@@ -91,7 +93,7 @@ fn a_failed_assumption_is_widened() {
     for (sigmas, fails) in [(5.4, false), (5.7, true)] {
         let mut filters = filters([sigmas * SD, 0.0, 0.0], &WaterPrior::default());
         let mut sensors = Vec::new();
-        filters.assume(None, &mut |report| sensors.push(report.sensor)).unwrap();
+        filters.assume(&mut |report| sensors.push(report.sensor)).unwrap();
         assert_eq!(starts(&filters), [u64::from(fails); 2], "{sigmas} sigma");
         assert_eq!(sensors, [Sensor::Heave, Sensor::Sway]);
         let variance = if fails { 0.3 * 0.3 } else { 0.02 * 0.02 };
@@ -214,29 +216,6 @@ fn an_inflation_starts_the_constrained_filter_again() {
     }
 }
 
-/// Heave and sway of a ping that determines the whole velocity are learned each from its own component: 1 m/s that one of them
-/// shows with certainty and the other not at all.
-#[test]
-fn a_slip_is_learned_from_its_own_axis() {
-    let before = 0.02 * 0.02;
-    for (known, wider) in [(1, SWAY), (2, HEAVE)] {
-        let mut covariance = Matrix3::identity() * 1e6;
-        covariance[(known, known)] = 1e-6;
-        let still = WaterPrior {
-            current_sd_mps: 1e-3,
-            trim_sd_mps: 1e-3,
-            ..WaterPrior::default()
-        };
-        let mut filters = filters([0.0; 3], &still);
-        let whole = (Vector3::new(0.0, 0.1, 0.1), covariance);
-        filters.assume(Some(&whole), &mut |_| {}).unwrap();
-        let variance = slip_variance(&filters);
-        let other = SWAY + HEAVE - wider;
-        assert!(variance[wider] > 1.5 * before, "{variance:?}");
-        assert!(variance[other] < variance[wider] / 1.5, "{variance:?}");
-    }
-}
-
 /// A slip of 1 m/s for which nothing allows, a ping a second: its test gives the alarm, and that slip alone is widened.
 #[test]
 fn an_alarm_widens_its_slip() {
@@ -254,7 +233,7 @@ fn an_alarm_widens_its_slip() {
         let mut pings = 0;
         while starts(&filters) == [0; 2] {
             rest(&mut filters, 1);
-            filters.assume(None, &mut |_| {}).unwrap();
+            filters.assume(&mut |_| {}).unwrap();
             pings += 1;
             assert!(pings < 10, "no alarm");
         }
@@ -272,7 +251,7 @@ fn an_alarm_widens_its_slip() {
 #[test]
 fn one_filter_has_no_assumptions() {
     let mut filters = DualFilter::new(filter([0.0; 3]), None);
-    filters.assume(None, &mut |report| panic!("{report:?}")).unwrap();
+    filters.assume(&mut |report| panic!("{report:?}")).unwrap();
     filters.restart_constrained();
     filters.widen_slip(BOTH_LARGER);
     assert_eq!((filters.each().count(), filters.each_mut().count()), (1, 1));
@@ -346,7 +325,7 @@ fn both_restored_filters_are_checked() {
 }
 
 /// Water track tells both filters of one current: a constrained filter that starts again keeps it and its covariance, with the
-/// slips at those that were learned, and independent of all else.
+/// slips as they were widened, and independent of all else.
 #[test]
 fn a_constrained_filter_starts_with_the_measured_current() {
     let prior = WaterPrior::default();
@@ -375,14 +354,14 @@ fn a_constrained_filter_starts_with_the_measured_current() {
         "{:?}",
         known.0
     );
-    let learned = WaterBlock::new(&prior).widened([Some(Alarm::Larger), None]);
-    filters.start_constrained(learned.clone());
+    let wider = WaterBlock::new(&prior).widened([Some(Alarm::Larger), None]);
+    filters.start_constrained(wider.clone());
     assert_eq!(measured(filters.best()), known);
     let block = filters.constrained_water().unwrap();
     let slip_mps = filters.best().water_states().unwrap().estimate[SWAY];
     assert_eq!((slip_mps, block.alarms()), (0.0, 1));
     let whole = filters.best().water_covariance().unwrap();
-    assert_eq!(whole[(SWAY, SWAY)], learned.processes()[SWAY].variance);
+    assert_eq!(whole[(SWAY, SWAY)], wider.processes()[SWAY].variance);
     assert_eq!(whole.row(SWAY).iter().filter(|&&number| number != 0.0).count(), 1);
 }
 

@@ -15,7 +15,7 @@ mod restored;
 
 use std::collections::VecDeque;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use crate::aiding;
 use crate::aiding::closure::push_closure;
@@ -181,11 +181,6 @@ impl Navigator {
         Ok(())
     }
 
-    /// The water states of the filter with assumptions on the motion, where the method has one.
-    pub(crate) fn constrained_water(&self) -> Option<&WaterBlock> {
-        self.filters.constrained_water()
-    }
-
     /// The current, where it is estimated, and the slip through the water.
     #[must_use]
     pub fn water(&self) -> Option<&WaterBlock> {
@@ -260,10 +255,7 @@ impl Navigator {
                 self.bound_speed(ping.time_ns, report)?;
                 let before_ns = self.last_ping_ns.replace(ping.time_ns);
                 let is_whole = self.geometry.rank_of(used) == 3;
-                let whole = (is_whole && self.constrained_water().is_some())
-                    .then(|| self.whole_velocity(&BeamSample { valid: used, ..*ping }))
-                    .flatten();
-                self.filters.assume(whole.as_ref(), &mut *report)?;
+                self.filters.assume(&mut *report)?;
                 if is_whole {
                     self.last_whole_ns = Some(ping.time_ns);
                     return self.learn_motion(ping.time_ns, before_ns, report);
@@ -330,23 +322,6 @@ impl Navigator {
             push_closure(&mut innovation, &terms, valid, geometry.rank_of(valid));
         }
         Ok((innovation, fix))
-    }
-
-    /// The velocity of a ping that determines all of it, by least squares, with its covariance.
-    fn whole_velocity(&self, ping: &BeamSample) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        let filter = &self.filters.measurements_only;
-        let innovation = tight_innovation(filter, &self.geometry, ping);
-        let by_velocity = innovation.jacobian.view((0, VELOCITY), (innovation.rows, 3));
-        let noise = innovation
-            .noise
-            .view((0, 0), (innovation.rows, innovation.rows))
-            .into_owned();
-        let weighted = noise.cholesky()?.solve(&by_velocity.into_owned());
-        let covariance = (by_velocity.transpose() * &weighted).try_inverse()?;
-        let residual = innovation.residual.rows(0, innovation.rows);
-        let change = &covariance * (weighted.transpose() * residual);
-        let covariance = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        Some((filter.velocity().0 + change.fixed_rows::<3>(0), covariance))
     }
 
     fn aid_with_beams(&mut self, ping: &BeamSample) -> Result<Option<UpdateReport>, NavError> {

@@ -210,7 +210,7 @@ fn a_contradicted_assumption_is_restarted() {
 
 prop_compose! {
     fn prior()(exponents in prop::array::uniform5(-4.0_f64..2.0), gain in -3.0_f64..3.0,
-               times in prop::array::uniform3(-1.0_f64..5.0), epochs in 1.0_f64..100.0) -> WaterPrior {
+               times in prop::array::uniform3(-1.0_f64..5.0)) -> WaterPrior {
         let ten = |x: f64| 10.0_f64.powf(x);
         WaterPrior {
             current_sd_mps: ten(exponents[0]),
@@ -221,7 +221,6 @@ prop_compose! {
             trim_time_s: ten(times[1]),
             slip_sd_mps: ten(exponents[3]),
             slip_time_s: ten(times[2]),
-            slip_epochs: epochs,
         }
     }
 }
