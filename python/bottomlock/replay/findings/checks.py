@@ -162,6 +162,7 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     wrong_way = slope < 0.0 and not stands
     return Finding(
         "depth_sign" if wrong_way else "depth_scale", "warning" if stands else "fault", ((slope - 1.0) / sd) ** 2,
+        "The depth stands still while the DVL sinks and rises." if stands else
         "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
         f"The depth changes {slope:.3g} times as much as the DVL says.",
         f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
