@@ -121,27 +121,26 @@ def diagnose(
 
 
 def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
-    """Pings and positions outside of the track's time: a clock was set during the dive, or a file ends early."""
-    streams = prepared.streams
-    span = prepared.alignment.time_ns, int(prepared.sample_time_ns[-1])
-    reference = streams.reference
-    times = {"pings with beams": streams.beams.time_ns[streams.beams.valid.any(axis=1)]}
-    if reference is not None and reference.position_t_m is not None:
-        times["positions of [reference]"] = reference.time_ns
-    ends = {name: (min(of[0], span[0]), max(of[-1], span[1])) for name, of in times.items() if len(of)}
-    before = {name: (span[0] - begin) / (end - begin) for name, (begin, end) in ends.items()}
-    after = {name: (end - span[1]) / (end - begin) for name, (begin, end) in ends.items()}
-    name = max(ends, key=lambda one: before[one] + after[one], default="")
+    """Pings outside of the track's time: a clock was set during the dive, or a file ends early."""
     set_once = _clock_set(prepared)
+    beams = prepared.streams.beams
+    pings_ns = beams.time_ns[beams.valid.any(axis=1)]
     # A case that states a duration asks for a part.
-    if set_once or not name or before[name] + after[name] < UNUSED or case.replay.duration_s is not None:
+    if set_once or not len(pings_ns) or case.replay.duration_s is not None:
         return set_once
-    part = before[name] + after[name]
+    span_ns = prepared.alignment.time_ns, int(prepared.sample_time_ns[-1])
+    first_ns, last_ns = min(pings_ns[0], span_ns[0]), max(pings_ns[-1], span_ns[1])
+    before, after = (
+        (ns[1] - ns[0]) / (last_ns - first_ns) for ns in ((first_ns, span_ns[0]), (span_ns[1], last_ns))
+    )
+    part = before + after
+    if part < UNUSED:
+        return []
     return [
         Finding(
             "beyond_track", "warning", part,
-            f"The track is that of a part of the dive: {100.0 * part:.0f} % of the time with {name} is outside of it.",
-            f"{100.0 * before[name]:.0f} % lie before its start, {100.0 * after[name]:.0f} % after its end, which is "
+            f"The track is that of a part of the dive: {100.0 * part:.0f} % of the time with pings is outside of it.",
+            f"{100.0 * before:.0f} % lie before its start, {100.0 * after:.0f} % after its end, which is "
             "that of the IMU, or of the reference where there is one.",
             "Check start.at_s, and which file begins late or ends early; a track without [reference] has no such end.",
             "start.at_s",
