@@ -14,7 +14,7 @@ import pytest
 from tests.c.navigator import CError, CLibrary
 from tools.install_c import CRATE, install, version
 
-VELOCITY = "velocity 2.002 -0.003 0.000 m/s"
+VELOCITY = "velocity 2.001 -0.003 -0.000 m/s"
 WARNINGS = ("-Wall", "-Wextra", "-pedantic", "-Werror")
 MODEL = '{"preset": "tactical", "latitude_rad": 0.5}'
 CALLS = 30_000
