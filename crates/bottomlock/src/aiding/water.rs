@@ -124,12 +124,6 @@ impl WaterPrior {
         let trim = Process::lasting(self.trim_sd_mps, self.trim_time_s);
         [current, current, gain, trim, slip, slip]
     }
-
-    /// Their means.
-    #[must_use]
-    pub fn mean(&self) -> WaterVector {
-        self.processes().map(|process| process.mean).into()
-    }
 }
 
 /// Turns a horizontal velocity, north and east, with the yaw that is corrected.

@@ -181,17 +181,9 @@ impl WaterBlock {
     /// Sway settles to −k ω_z one or two seconds after a change of yaw rate, so the change since the last epoch is
     /// uncertain. Heave takes only a part of k ω_y while the vehicle pitches, so all of it is uncertain.
     pub(super) fn begin_epoch(&mut self, row: &WaterRow) -> f64 {
-        let uncertainty_mps = self.turning_of(row);
-        self.turning_mps[row.slip] = row.turning_mps;
-        uncertainty_mps * uncertainty_mps
-    }
-
-    fn turning_of(&self, row: &WaterRow) -> f64 {
-        if row.slip == HEAVE {
-            row.turning_mps
-        } else {
-            row.turning_mps - self.turning_mps[row.slip]
-        }
+        let before_mps = std::mem::replace(&mut self.turning_mps[row.slip], row.turning_mps);
+        let settled_mps = if row.slip == HEAVE { 0.0 } else { before_mps };
+        (row.turning_mps - settled_mps).powi(2)
     }
 
     /// Tests the slips by the normalised innovations of the rows of a ping, of sway and of heave.
