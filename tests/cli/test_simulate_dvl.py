@@ -79,7 +79,7 @@ def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
         "-m",
         "bottomlock",
         "simulate-dvl",
-        "survey",
+        "survey.toml",
         "--dvl",
         "tcpin:0",
         "--truth",
