@@ -50,7 +50,7 @@ wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Car
     $(shell find crates -type f \( -name '*.rs' -o -name Cargo.toml \) -not -path '*/tests/*' -not -path '*/benches/*' -not -path '*-c/*') \
     $(shell find python -type f -not -name '*.so' -not -name '*.pyc' -not -name '.*')
 
-.PHONY: demo docs docs-links figures spelling test test-rust test-python test-long test-deep test-all test-others \
+.PHONY: demo docs docs-links figures spelling test test-rust test-python test-long test-long-rust test-deep test-all test-others \
     lint lint-rust lint-python deny bench golden develop header install-c fuzz soak mutants lock sbom wheel clean
 .DELETE_ON_ERROR:
 
@@ -73,7 +73,9 @@ test-rust:
 
 # What `make test` leaves out; Rust with overflow checks, and the laws with more examples.
 test-long: $(VENV)/.tools $(VENV)/.installed
-	HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests
+	@HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests; python=$$?; $(make) test-long-rust && exit $$python
+
+test-long-rust:
 	cargo test --locked --lib --test laws
 	BOTTOMLOCK_LONG=1 $(released) --test laws
 	BOTTOMLOCK_LONG=1 $(released) --tests no_bytes_give
