@@ -460,12 +460,14 @@ class AlignedNavigator:
     def solve(self, time_ns: int, ping: Ping) -> VelocityFixes:
         """The velocity of a ping by itself, which the alignment waits for; noise as `NavigatorConfig.with_noise`.
 
-        A start takes none whose beams disagree, unless they always do: then their noise is not as claimed.
+        A ping whose beams disagree gives the alignment none, unless `PINGS` before it disagreed too: then their noise
+        is not as claimed.
         """
         fixes = solve_ping(self._instrument.geometry, ping, "info")
         if int(fixes.rank[0]) == 3:
             if ping.valid.all():
-                self._unclosed = 0 if closes(self._instrument.geometry, ping) else self._unclosed + 1
+                agree = closes(self._instrument.geometry, ping.velocity_mps, ping.sd_mps)
+                self._unclosed = 0 if agree else self._unclosed + 1
             if not 0 < self._unclosed <= PINGS:
                 self._alignment.velocity(time_ns, fixes.velocity_p_mps[0])
             if self._motion is not None:

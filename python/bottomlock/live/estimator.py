@@ -42,9 +42,9 @@ CLOSURE_SD = 3.29
 """Closure of a complete ping over its 1 sigma that noise does not reach: once in 1,000."""
 
 
-def closes(geometry: BeamGeometry, ping: Ping) -> bool:
-    """Whether the beams of a complete ping with its claimed noise agree; also where none is redundant."""
-    closure = whitened_closure(geometry, ping.sd_mps) @ (ping.velocity_mps / ping.sd_mps)
+def closes(geometry: BeamGeometry, velocity_mps: NDArray[np.float64], sd_mps: NDArray[np.float64]) -> bool:
+    """Whether the beams (n,) of a complete ping agree within their claimed noise; also where none is redundant."""
+    closure = whitened_closure(geometry, sd_mps) @ (velocity_mps / sd_mps)
     return not closure.size or float(np.abs(closure).max()) <= CLOSURE_SD
 
 
@@ -138,11 +138,9 @@ class BeamJumps:
         limit = JUMP_SD * math.sqrt(2.0) * sd_mps + self._acceleration * age_s
         jumped = known & (change > limit) & (self._jumped < REOPENED)
         keep: NDArray[np.bool_] = valid & ~jumped
-        if keep.all() and known.any():
-            closure = whitened_closure(self._geometry, sd_mps) @ (velocity_mps / sd_mps)
-            if closure.size and float(np.abs(closure).max()) > CLOSURE_SD:
-                worst = int(np.argmax(change / limit))
-                keep[worst] = self._jumped[worst] >= REOPENED
+        if keep.all() and known.any() and not closes(self._geometry, velocity_mps, sd_mps):
+            worst = int(np.argmax(change / limit))
+            keep[worst] = self._jumped[worst] >= REOPENED
         left_out = valid & ~keep
         self._jumped = np.where(left_out, self._jumped + 1, np.where(valid, 0, self._jumped))
         self._before_mps = np.where(keep, velocity_mps, self._before_mps)

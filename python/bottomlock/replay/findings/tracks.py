@@ -77,7 +77,7 @@ class Agreement:
         return self.rms_m > WORSE * self.reckoned_rms_m
 
     def beaten_beyond(self, near_m: float) -> bool:
-        """Whether dead reckoning is the one to take: the method is beaten, by no mere `near_m`, and that agrees."""
+        """Whether to take dead reckoning, which fits the reference: the method is beaten and over `near_m` off."""
         if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
             return False
         explained_m = REFERENCE_SIGMAS * math.hypot(self.reckoned_sd_m, self.reference_sd_m)

@@ -142,8 +142,8 @@ def recommended(evidence: Evidence) -> str:
     """The filter that fits vehicle and beams, of those that stay with dead reckoning.
 
     An assumption on the sway is worth its risk where pings lack beams, and where complete ones do not contradict it.
-    What the reference shows to be worse than dead reckoning comes last, and after that itself where the reference
-    agrees with it. The free inertial navigation is none of them.
+    A method that the reference shows to be worse than dead reckoning comes last; dead reckoning takes its place where
+    the reference agrees with it. The free inertial navigation is none of them.
     """
     astray = {FREE} | {
         one.method for one in evidence.agreements if one.leaves or one.lost or one.worse or one.vague
@@ -185,8 +185,8 @@ OF_FILTERS_ALONE = {
     "gyro_unit", "gyro_offset", "start_level", "start_velocity", "start_heading", "depth_sign", "depth_scale",
     "beam_noise", "other_dive",
 }  # fmt: skip
-"""Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams. It has those of a
-gyro's sign, by which `replay --init` finds frames and clock of the attitude."""
+"""Causes that dead reckoning does not have: no gyro, no start of the attitude, no weighting of beams. A gyro's
+sign is none of them: by the gyros `replay --init` finds frames and clock of the attitude."""
 
 UNSHOWN = {"depth_sign", "depth_scale", "gyro_sign"}
 """Causes that agreement with dead reckoning does not clear: no depth shows in a horizontal track, and clock and frames

@@ -152,7 +152,7 @@ MOST_LINES = 0.75
 
 
 def _separator(lines: list[str]) -> tuple[str, int] | None:
-    """The separator that cuts most of the last lines, which are data, into a number of cells, two or more; and that.
+    """The separator that cuts most of the last lines, which are data, into as many cells, and how many: two or more.
 
     One that cuts the line above the data, the header, as often comes before one that does not: a decimal comma cuts
     data alone.
@@ -175,7 +175,7 @@ def _separator(lines: list[str]) -> tuple[str, int] | None:
 
 
 def _above(lines: list[str], separator: str, width: int) -> str:
-    """The line above the first one of numbers, or that itself where it is the first of all."""
+    """The line above the first line of numbers; the first of all where there is none above."""
     first = next((k for k, line in enumerate(lines) if _is_data(line, separator, width)), 0)
     return lines[max(first - 1, 0)]
 
