@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import pytest
 from pydantic import BaseModel, TypeAdapter
 
-from bottomlock.cli.keys import MODELS, Kind, keys, matching, reference
+from bottomlock.cli.keys import Kind, keys, matching, models, reference
 from bottomlock.config.key_reference import key_of, section_models, sections_of
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
@@ -19,9 +19,9 @@ from tools import key_reference
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def models() -> Iterator[type[BaseModel]]:
+def every_model() -> Iterator[type[BaseModel]]:
     """Every model that a key of a file belongs to."""
-    waiting = [*MODELS.values()]
+    waiting = [*models().values()]
     seen: set[type[BaseModel]] = set()
     while waiting:
         model = waiting.pop()
@@ -36,7 +36,7 @@ def models() -> Iterator[type[BaseModel]]:
 def test_every_key_is_described_and_its_example_is_valid() -> None:
     """A key without meaning or range, a number without unit, and an example that the model rejects all fail."""
     count = 0
-    for model in models():
+    for model in every_model():
         for name, field in model.model_fields.items():
             if section_models(field.annotation):
                 continue

@@ -2,20 +2,9 @@
 
 from pathlib import Path
 
-from bottomlock.audit.geometry_file import geometry_text
-from bottomlock.audit.logs import read_depths, read_inertial, read_reference
-from bottomlock.audit.page import audit_files, page_of
-from bottomlock.audit.run import audit_file, numbers_of
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
-from bottomlock.cli.page_output import print_part
 from bottomlock.cli.parameters import Out, beside, geometry_of
-from bottomlock.files.atomic_write import write_text
-from bottomlock.files.overwriting import Result, check_free
-from bottomlock.files.records import sha256_of
-from bottomlock.io.beam_table import water_file
-from bottomlock.io.calibrated_file import require_toml
-from bottomlock.io.formats import converted_first
 
 
 def audit(
@@ -43,6 +32,18 @@ def audit(
         depth: CSV or Parquet: time_ns, depth_m.
         write: TOML file to which the estimated geometry is written, with mounting, scale and clock.
     """
+    from bottomlock.audit.geometry_file import geometry_text
+    from bottomlock.audit.logs import read_depths, read_inertial, read_reference
+    from bottomlock.audit.page import audit_files, page_of
+    from bottomlock.audit.run import audit_file, numbers_of
+    from bottomlock.cli.page_output import print_part
+    from bottomlock.files.atomic_write import write_text
+    from bottomlock.files.overwriting import Result, check_free
+    from bottomlock.files.records import sha256_of
+    from bottomlock.io.beam_table import water_file
+    from bottomlock.io.calibrated_file import require_toml
+    from bottomlock.io.formats import converted_first
+
     out, geometry = out or beside(log, "audit"), geometry_of(log, geometry)
     read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}
     if geometry is not None:

@@ -5,15 +5,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign.engine import ENGINES, check_engine
-from bottomlock.campaign.run import check_campaign, run_campaign
-from bottomlock.campaign.variants import check_variants, make_variants, parse_set, run_variants
-from bottomlock.cli.campaign_output import print_comparison, print_results, progress_bar
 from bottomlock.cli.common import ForceCampaign
 from bottomlock.cli.console import say
 from bottomlock.cli.parameters import CampaignOut, Json, Methods, Runs, Seed, Threads, load_scenarios
 from bottomlock.errors import ScenarioError
-from bottomlock.report.compare import compare
 
 
 def run(
@@ -27,7 +22,7 @@ def run(
     force: ForceCampaign = False,
     json: Json = False,
     engine: Annotated[
-        str, Parameter(help=f"{' or '.join(ENGINES)}: this process, or the workers of a Dask cluster.")
+        str, Parameter(help="local or dask: this process, or the workers of a Dask cluster.")
     ] = "local",
     scheduler: str | None = None,
 ) -> None:
@@ -39,6 +34,11 @@ def run(
             --set gives every combination.
         scheduler: Dask scheduler, tcp://host:port; by default worker processes on this machine.
     """
+    from bottomlock.campaign.engine import check_engine
+    from bottomlock.campaign.run import check_campaign, run_campaign
+    from bottomlock.campaign.variants import check_variants, make_variants, parse_set, run_variants
+    from bottomlock.cli.campaign_output import print_results, progress_bar
+
     loaded = load_scenarios(scenario, runs=runs, seed=seed, methods=methods, threads=threads)
     # Beside the first file, named as the scenarios; of packaged scenarios in this directory.
     out = out or Path(scenario[0]).with_name("+".join(Path(name).stem for name in scenario))
@@ -67,6 +67,9 @@ def run(
 
 def _print_variants(out: Path, count: int, *, force: bool) -> None:
     """Prints the variants in a directory side by side, where there are several."""
+    from bottomlock.cli.campaign_output import print_comparison
+    from bottomlock.report.compare import compare
+
     if count > 1 or (out / "compare.record.json").is_file():
         print_comparison(compare([out], out, force=force))
     say(f"{count} {'variant' if count == 1 else 'variants'} in {out}")

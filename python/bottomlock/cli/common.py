@@ -42,7 +42,7 @@ def split_common(arguments: Sequence[str]) -> tuple[list[str], Common]:
 def peak_memory_mb() -> float:
     """The most memory that this process has had, MB; NaN where the system does not say."""
     try:
-        import resource  # noqa: PLC0415 - Windows has none
+        import resource  # Windows has none
     except ImportError:
         return float("nan")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -136,7 +136,7 @@ def late_bar(label: str, *columns: "ProgressColumn", interrupted: str = "") -> I
     Yields:
         Takes the keywords of `rich.progress.Progress.update`; with `restart` the clock of the rate starts again.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - `--help` has none
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     shown = (TextColumn("{task.description:>12}", markup=False), BarColumn(), *columns, TextColumn("left"))
     bar = Progress(*shown, TimeRemainingColumn(), console=errors, disable=bars_are_off())
@@ -166,9 +166,9 @@ def narrow_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence["str | Text"]], *, left: int = 1
 ) -> "Table":
     """A table that fits 80 columns: so many columns from the left are of words, the others of numbers."""
-    from rich import box  # noqa: PLC0415 - `--help` draws no table
+    from rich import box
 
-    from bottomlock.cli.fitted_table import FittedTable  # noqa: PLC0415
+    from bottomlock.cli.fitted_table import FittedTable
 
     table = FittedTable(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for k, name in enumerate(columns):

@@ -1,35 +1,25 @@
 """The command `bottomlock convert`: a recorded file of any known format to the beam table."""
 
+from __future__ import annotations
+
 import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from cyclopts import Parameter
-from rich.progress import DownloadColumn, TransferSpeedColumn
-from rich.table import Table
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors, late_bar, narrow_table, say
 from bottomlock.cli.parameters import beside, check_ending
 from bottomlock.errors import OutputError
-from bottomlock.files.overwriting import check_free
-from bottomlock.io.beam_table import (
-    Account,
-    BeamTable,
-    Reason,
-    Recording,
-    WaterTable,
-    sidecar,
-    water_file,
-    write_recording,
-)
-from bottomlock.io.formats import NAMES, read_recording
-from bottomlock.io.progress import progress_to
 from bottomlock.io.rows import PLAIN, Options
-from bottomlock.replay.init.column_map import write_map
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, WaterTable
 
 SHOWN = 28
 BAR_FROM_BYTES = 50_000_000
@@ -42,7 +32,11 @@ def convert(
     init: bool = False,
     format: Annotated[  # noqa: A002 - the option's name
         str | None,
-        Parameter(help=f"Format of the file, by default found from its content: {', '.join(NAMES)}."),
+        Parameter(
+            help="Format of the file, by default found from its content: linkquest-csv, nucleus-csv, nortek-ascii, "
+            "cerulean-dvkfc, cerulean-dvext, waterlinked-json, waterlinked-serial, nucleus, nortek-dvl, nortek-ad2cp, "
+            "wayfinder, pd0, ros, ardupilot-bin, mavlink-tlog, table."
+        ),
     ] = None,
     options: Annotated[Options, Parameter(name="*")] = PLAIN,
     force: Force = False,
@@ -58,6 +52,11 @@ def convert(
             as JSON. With --init the column map to write, FILE_map.toml by default.
         init: Write a commented column map (TOML) of a CSV or Parquet table.
     """
+    from bottomlock.files.overwriting import check_free
+    from bottomlock.io.beam_table import sidecar, water_file, write_recording
+    from bottomlock.io.formats import read_recording
+    from bottomlock.replay.init.column_map import write_map
+
     out = out or beside(file, "map.toml" if init else "beams.parquet")
     if init:
         write_map(file, out, force=force)
@@ -84,6 +83,8 @@ def convert(
 
 def _check_account(file: Path, out: Path) -> None:
     """Says why a log in JSON needs a table of another name."""
+    from bottomlock.io.beam_table import sidecar
+
     if sidecar(out).exists() and file.exists() and sidecar(out).samefile(file):
         raise OutputError(
             f"is the log, and the account of {out.name} has the same name",
@@ -95,6 +96,10 @@ def _check_account(file: Path, out: Path) -> None:
 @contextlib.contextmanager
 def _bar(file: Path) -> Iterator[None]:
     """A bar with rate and time left while a long file is read."""
+    from rich.progress import DownloadColumn, TransferSpeedColumn
+
+    from bottomlock.io.progress import progress_to
+
     size = file.stat().st_size if file.is_file() else 0
     if size <= BAR_FROM_BYTES:
         yield
@@ -108,6 +113,8 @@ def _bar(file: Path) -> Iterator[None]:
 
 def _nothing_valid(table: BeamTable) -> str:
     """What no ping of a table has: a valid beam, or in a table without beams a valid velocity; "" where one has."""
+    import numpy as np
+
     if table.beams:
         return "" if table.valid.any() else "beam"
     known = np.isfinite(table.instrument_mps).all(axis=1) & (table.instrument_valid != 0)
@@ -135,6 +142,8 @@ def _reason(name: str, reason: Reason) -> str:
 
 def _water_line(water: WaterTable) -> str:
     """What the water returned, in a line."""
+    import numpy as np
+
     pings, cells = len(np.unique(water.time_ns)), np.unique(water.cell)
     of = "cell 1" if len(cells) == 1 else f"cells {cells[0]} to {cells[-1]}"
     return f"water track: {pings} pings, {of}, {int(water.valid.sum())} of {water.valid.size} beam velocities valid"
@@ -142,6 +151,8 @@ def _water_line(water: WaterTable) -> str:
 
 def print_recording(recording: Recording) -> None:
     """Prints what was read and what was not."""
+    import numpy as np
+
     table, account = recording.table, recording.account
     lines = [
         f"{recording.format}: {account.read} records read, {table.rows} pings kept, {account.lost} skipped"

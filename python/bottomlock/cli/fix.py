@@ -1,36 +1,37 @@
 """The command `bottomlock fix`: velocity fixes from recorded pings, and their errors where beams are left out."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-import polars as pl
 from cyclopts import Parameter
-from numpy.typing import NDArray
-from rich.table import Table
 
-from bottomlock.audit.defects import why_never_locked
-from bottomlock.audit.findings import LOCK_ADVICE
-from bottomlock.audit.logs import BeamLog
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.cli.parameters import Out, Robust, beside, check_ending, check_option, geometry_of
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.files.atomic_write import write_parquet
-from bottomlock.files.overwriting import check_free
-from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
-from bottomlock.io.formats import converted_first
-from bottomlock.kernel import FIX_METHODS, FixMethod, fix_method, solve_velocity
-from bottomlock.replay.beam_noise import BeamNoise, measure_noise
-from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets
-from bottomlock.replay.robust_fix import RobustFixes, solve_robust
-from bottomlock.statistics.rms import rms
+from bottomlock.kernel import FIX_METHODS
 from bottomlock.text import number
+
+if TYPE_CHECKING:
+    import numpy as np
+    import polars as pl
+    from numpy.typing import NDArray
+    from rich.table import Table
+
+    from bottomlock.io.beams import Instrument, Pings
+    from bottomlock.kernel import FixMethod
+    from bottomlock.replay.beam_noise import BeamNoise
+    from bottomlock.replay.leave_out import VelocityWalk
+    from bottomlock.replay.robust_fix import RobustFixes
 
 
 def print_noise(noise: BeamNoise, sd_mps: NDArray[np.float64]) -> None:
     """A line per group of pings: claimed and measured standard deviation, their ratio, and the tail."""
+    from bottomlock.statistics.rms import rms
+
     claimed = 1e3 * float(rms(sd_mps))
     for group in noise.groups:
         line = f"beam noise, {group.name}: claimed sd {claimed:.3g} mm/s, "
@@ -70,6 +71,10 @@ def score(
         ScenarioError: for a gate below zero or a walk that is not above it.
         DataError: for a number of beams that cannot be left out, or a log without a complete ping.
     """
+    from bottomlock.files.atomic_write import write_parquet
+    from bottomlock.replay.beam_noise import measure_noise
+    from bottomlock.replay.leave_out import leave_out
+
     check_option(
         "--walk-mps-per-rt-s",
         walk.walk_mps_rts,
@@ -117,6 +122,8 @@ def score(
 
 def _scores_table(scores: pl.DataFrame, title: str) -> Table:
     """A row per method and component."""
+    from bottomlock.replay.leave_out import over_sets
+
     rows = [
         [
             row["method"], row["component"], f"{row['sets_solved']}/{row['sets']}",
@@ -166,6 +173,12 @@ def fix(
         closure_gate: Largest closure of a reference ping, in robust standard deviations, 0 to keep all pings; with
             --leave-out.
     """
+    from bottomlock.files.overwriting import check_free
+    from bottomlock.io.beams import read_beams, read_geometry
+    from bottomlock.io.formats import converted_first
+    from bottomlock.kernel import fix_method
+    from bottomlock.replay.leave_out import VelocityWalk
+
     geometry = geometry_of(log, geometry)
     if geometry is None:
         with converted_first(log):
@@ -200,6 +213,10 @@ def _fix(
     log: Path, instrument: Instrument, pings: Pings, method: FixMethod, out: Path, *, robust: bool
 ) -> None:
     """Solves the pings, writes them and prints what they are."""
+    import polars as pl
+
+    from bottomlock.files.atomic_write import write_parquet
+
     frame, solved = _solve(instrument, pings, method, robust=robust)
     if (frame["status"] == "prior_required").any() and pings.prior_velocity_p_mps is None:
         raise DataError(
@@ -228,6 +245,10 @@ def _require_lock(pings: Pings, place: str) -> None:
     Raises:
         DataError: where it never had, with the reason.
     """
+    from bottomlock.audit.defects import why_never_locked
+    from bottomlock.audit.findings import LOCK_ADVICE
+    from bottomlock.audit.logs import BeamLog
+
     lost = not pings.valid.all(axis=1).any()
     flag = None if lost else pings.instrument_valid
     log = BeamLog(place, pings.time_ns, pings.velocity_mps, pings.valid, instrument_valid=flag)
@@ -244,6 +265,11 @@ def _solve(
     instrument: Instrument, pings: Pings, method: FixMethod, *, robust: bool
 ) -> tuple[pl.DataFrame, RobustFixes | None]:
     """The table of fixes, and what was measured and screened where `robust`."""
+    import numpy as np
+
+    from bottomlock.kernel import solve_velocity
+    from bottomlock.replay.robust_fix import solve_robust
+
     cov = None if pings.prior_sd_mps is None else pings.prior_sd_mps[:, :, None] ** 2 * np.eye(3)
     beams = (pings.velocity_mps, pings.valid)
     given: dict[str, Any] = {

@@ -1,26 +1,36 @@
 """The command `bottomlock keys`: every key of the files that a user writes, and their JSON schemas."""
 
+from __future__ import annotations
+
 import dataclasses
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from pydantic import BaseModel
 
 from bottomlock.cli.console import print_json, say
-from bottomlock.config.key_reference import Key, KeySection, sections_of
-from bottomlock.config.scenario import Scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.io.beams import Columns, InstrumentFile
-from bottomlock.live.config import LiveConfig
-from bottomlock.plant import HoveringVehicle, Vehicle
-from bottomlock.replay.case import Case
 from bottomlock.text import did_you_mean
 
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from bottomlock.config.key_reference import Key, KeySection
+
 Kind = Literal["scenario", "case", "geometry", "vehicle", "hovering_vehicle", "columns", "live"]
-MODELS: dict[Kind, type[BaseModel]] = {
-    "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle,
-    "hovering_vehicle": HoveringVehicle, "columns": Columns, "live": LiveConfig,
-}  # fmt: skip
+
+
+def models() -> dict[Kind, type[BaseModel]]:
+    """The model of each kind of file."""
+    from bottomlock.config.scenario import Scenario
+    from bottomlock.io.beams import Columns, InstrumentFile
+    from bottomlock.live.config import LiveConfig
+    from bottomlock.plant import HoveringVehicle, Vehicle
+    from bottomlock.replay.case import Case
+
+    return {
+        "scenario": Scenario, "case": Case, "geometry": InstrumentFile, "vehicle": Vehicle,
+        "hovering_vehicle": HoveringVehicle, "columns": Columns, "live": LiveConfig,
+    }  # fmt: skip
 
 
 def keys(
@@ -47,7 +57,7 @@ def keys(
                 hint="leave one of them out",
             )
         dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-        content = dialect | MODELS[kind].model_json_schema()
+        content = dialect | models()[kind].model_json_schema()
         print_json(content, sort_keys=False)
         return
     sections = matching(reference(kind), word)
@@ -68,7 +78,9 @@ def keys(
 
 def reference(kind: Kind) -> list[KeySection]:
     """The sections of a kind of file."""
-    return sections_of(MODELS[kind])
+    from bottomlock.config.key_reference import sections_of
+
+    return sections_of(models()[kind])
 
 
 def matching(sections: list[KeySection], word: str) -> list[KeySection]:

@@ -1,24 +1,19 @@
 """The command `bottomlock list`: what ships with the package, and copies of it to edit."""
 
-from pathlib import Path
-from typing import Annotated, Literal
+from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
 from cyclopts import Parameter
-from numpy.typing import NDArray
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, print_json, say
 from bottomlock.cli.parameters import Json
-from bottomlock.config.instrument_grades import KINDS, grades, listing
-from bottomlock.config.packaged import copy_packaged
-from bottomlock.config.scenario import packaged_scenarios
-from bottomlock.figures.palette import stroke
-from bottomlock.io.beams import packaged_geometries, read_geometry, read_instrument_file
-from bottomlock.io.formats import BYTES, PATHS
-from bottomlock.kernel import METHODS
-from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.plant import load_vehicle, packaged_vehicles
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 Kind = Literal["scenarios", "vehicles", "geometries", "grades", "methods", "formats"]
 
@@ -47,6 +42,10 @@ def list_(
         copy: Name of a scenario, vehicle or geometry to copy.
         out: File to write; NAME.toml in this directory by default.
     """
+    from bottomlock.config.instrument_grades import KINDS, listing
+    from bottomlock.config.packaged import copy_packaged
+    from bottomlock.io.beams import packaged_geometries
+
     if copy is not None:
         file = copy_packaged(kind, copy, out or Path(f"{copy}.toml"), force=force)
         then = f"; edit it, then: bottomlock run {file}" if kind == "scenarios" else ""
@@ -66,6 +65,15 @@ def list_(
 
 def described(kind: Kind) -> dict[str, str]:
     """What is listed, by name, with a line on each; grades by their kind and name."""
+    from bottomlock.config.instrument_grades import KINDS, grades
+    from bottomlock.config.scenario import packaged_scenarios
+    from bottomlock.figures.palette import stroke
+    from bottomlock.io.beams import packaged_geometries, read_instrument_file
+    from bottomlock.io.formats import BYTES, PATHS
+    from bottomlock.kernel import METHODS
+    from bottomlock.own_method import DEAD_RECKONING
+    from bottomlock.plant import load_vehicle, packaged_vehicles
+
     if kind == "scenarios":
         return packaged_scenarios()
     if kind == "vehicles":
@@ -81,6 +89,10 @@ def described(kind: Kind) -> dict[str, str]:
 
 def text_of(name: str) -> str:
     """Name, tilts, azimuths, noise and picture of a geometry."""
+    import numpy as np
+
+    from bottomlock.io.beams import read_geometry, read_instrument_file
+
     instrument, settings = read_geometry(name), read_instrument_file(name)
     b = np.asarray(instrument.geometry.directions_p)
     tilts = np.rad2deg(np.arccos(np.clip(b[:, 2], -1.0, 1.0)))
@@ -97,6 +109,8 @@ def picture(directions_p: NDArray[np.float64]) -> list[str]:
     >>> picture(np.array([[0.5, 0.0, 0.866], [0.0, 0.5, 0.866], [-0.5, 0.0, 0.866]]))[1].strip()
     '1'
     """
+    import numpy as np
+
     rows = [[" "] * _COLUMNS for _ in range(_ROWS)]
     middle = (_ROWS // 2, _COLUMNS // 2)
     rows[middle[0]][middle[1]] = "+"

@@ -1,29 +1,27 @@
 """The command `bottomlock live`: from the DVL's bytes to those of an autopilot, in one process."""
 
+from __future__ import annotations
+
 import asyncio
 import contextlib
 import gc
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import EXIT_DEPARTURE, errors, note, say
 from bottomlock.errors import DataError, ScenarioError
-from bottomlock.files.atomic_write import write_text
-from bottomlock.files.overwriting import check_apart, check_free
-from bottomlock.live.config import LiveConfig, cautions, load_config
-from bottomlock.live.engine import Engine, Message
-from bottomlock.live.health import HealthServer, status
-from bottomlock.live.loop import cancel, cancel_at_signals
-from bottomlock.live.replay import Replayed, replay_log
-from bottomlock.live.runner import Live, Say, begin, host_clock
-from bottomlock.live.sections import DVL_FORMATS
-from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
-from bottomlock.ports.mavlink import begin_dry_run
+from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS
+
+if TYPE_CHECKING:
+    from bottomlock.live.config import LiveConfig
+    from bottomlock.live.engine import Engine, Message
+    from bottomlock.live.replay import Replayed
+    from bottomlock.live.runner import Live, Say
 
 
 def live(
@@ -47,6 +45,12 @@ def live(
         export: With --replay: formats of the log's track, written to the folder NAME_export beside the log, separated
             by commas: kml, geojson, csv, tum, mcap.
     """
+    from bottomlock.files.overwriting import check_apart
+    from bottomlock.live.config import cautions, load_config
+    from bottomlock.live.replay import replay_log
+    from bottomlock.live.runner import Live, begin, host_clock
+    from bottomlock.ports.mavlink import begin_dry_run
+
     if export is not None and replay is None:
         raise ScenarioError("is given without --replay LOG: it writes the track of a raw log", key="--export")
     if init is not None:
@@ -102,6 +106,10 @@ def _files(config: Path, settings: LiveConfig) -> tuple[list[Path], list[Path]]:
 
 def _init(config: Path, instrument: str, autopilot: str, *, force: bool) -> None:
     """Writes a configuration."""
+    from bottomlock.files.atomic_write import write_text
+    from bottomlock.files.overwriting import check_free
+    from bottomlock.live.templates import template
+
     text = template(instrument, autopilot)
     check_free(config, force=force)
     write_text(config, text)
@@ -130,6 +138,9 @@ async def _pinged(running: Live, patience_s: float | None) -> None:
     Raises:
         DataError: where none does, with what each source does.
     """
+    from bottomlock.live.loop import cancel
+    from bottomlock.live.sections import DVL_FORMATS
+
     pings = next(source for source in running.engine.sources if source.section.format in DVL_FORMATS)
     task = asyncio.create_task(running.run())
     try:
@@ -150,11 +161,14 @@ async def _pinged(running: Live, patience_s: float | None) -> None:
 
 
 def _run(running: Live, *, patience_s: float | None = None) -> None:
+    from bottomlock.live.health import status
+    from bottomlock.live.loop import cancel_at_signals
+
     async def until_stopped() -> None:
         cancel_at_signals()
         others = [asyncio.create_task(serve_page(running, note))]
         if sys.stderr.isatty() and running.sinks:
-            from bottomlock.cli.live_view import show  # noqa: PLC0415 - a restart without a terminal is sooner there
+            from bottomlock.cli.live_view import show  # a restart without a terminal is sooner without it
 
             others.append(asyncio.create_task(show(lambda: status(running), errors)))
         with contextlib.suppress(asyncio.CancelledError):
@@ -173,6 +187,8 @@ def _run(running: Live, *, patience_s: float | None = None) -> None:
 
 async def serve_page(running: Live, say: Say) -> None:
     """Serves the health page, and says where; navigation goes on where that is not possible."""
+    from bottomlock.live.health import HealthServer, status
+
     section = running.config.health
     if section is None:
         return
@@ -192,8 +208,8 @@ async def serve_page(running: Live, say: Say) -> None:
 def _export(config: Path, settings: LiveConfig, log: Path, formats: str, *, force: bool) -> None:
     """Exports a raw log, names the files, and says what its replay gave."""
     try:
-        from bottomlock.cli.parameters import split  # noqa: PLC0415 - tables, which live itself runs without
-        from bottomlock.export.live import export_live  # noqa: PLC0415
+        from bottomlock.cli.parameters import split
+        from bottomlock.export.live import export_live
     except ModuleNotFoundError as error:
         raise DataError(
             f"needs {error.name}, which an install for a vehicle leaves out",

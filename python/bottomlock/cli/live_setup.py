@@ -1,22 +1,26 @@
 """The command `bottomlock live-setup`: the set-up page, and the live process that it starts and stops."""
 
+from __future__ import annotations
+
 import asyncio
 import ipaddress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bottomlock.cli.console import errors
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
-from bottomlock.live.loop import cancel, cancel_at_signals
-from bottomlock.setup.folder import SetupFolder
-from bottomlock.setup.process import LiveProcess
-from bottomlock.setup.server import PORT, SetupServer
+
+if TYPE_CHECKING:
+    from bottomlock.setup.folder import SetupFolder
+    from bottomlock.setup.process import LiveProcess
+    from bottomlock.setup.server import SetupServer
 
 
 def live_setup(
     folder: Path,
     *,
     host: str = "127.0.0.1",
-    port: int = PORT,
+    port: int = 8770,
     names: tuple[str, ...] = (),
     networks: tuple[str, ...] = (),
 ) -> None:
@@ -29,6 +33,10 @@ def live_setup(
         names: Names under which the page may be asked beside addresses; .END: all that end so.
         networks: Networks, as 192.168.2.0/24, whose clients need no token.
     """
+    from bottomlock.setup.folder import SetupFolder
+    from bottomlock.setup.process import LiveProcess
+    from bottomlock.setup.server import SetupServer
+
     kept = SetupFolder(folder)
     process = LiveProcess(kept.config, _say)
     try:
@@ -56,6 +64,8 @@ def _go_on(kept: SetupFolder, process: LiveProcess) -> None:
 
 
 async def _serve(kept: SetupFolder, process: LiveProcess, server: SetupServer) -> None:
+    from bottomlock.live.loop import cancel, cancel_at_signals
+
     def opened() -> None:
         address = f"{server.url}{server.token}/" if server.token else server.url
         _say(f"bottomlock: set-up page {address}, configuration in {kept.folder}")

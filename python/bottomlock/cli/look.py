@@ -9,8 +9,6 @@ from cyclopts import Parameter
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import say
 from bottomlock.cli.parameters import Out, Threads, beside
-from bottomlock.cli.replay import first_of, init_case, replay
-from bottomlock.replay.report import PAGE
 
 
 def look(
@@ -29,6 +27,9 @@ def look(
         out: Directory for the case and its replay; FILE_look beside the first file by default.
         open_page: Open the page in the browser.
     """
+    from bottomlock.cli.replay import first_of, init_case, replay
+    from bottomlock.replay.report import PAGE
+
     folder = out or beside(first_of(files), "look")
     case, replayed = folder / "case.toml", folder / "replay"
     init_case(files, case, force=force, without=())

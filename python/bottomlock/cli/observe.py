@@ -1,17 +1,21 @@
 """The command `bottomlock observe`: what can be estimated along a scenario, or in the 2015 paper's cases."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-import polars as pl
-from rich.table import Table
+from typing import TYPE_CHECKING, Any
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, narrow_table, say
 from bottomlock.cli.parameters import Out, beside
 from bottomlock.errors import ScenarioError
-from bottomlock.observability.report import Observed, observe_paper, observe_scenario
+
+if TYPE_CHECKING:
+    import polars as pl
+    from rich.table import Table
+
+    from bottomlock.observability.report import Observed
 
 _SIGNS = {"observable": "", "unobservable": "*", "undecided": "?"}
 
@@ -91,6 +95,8 @@ def observe(
         out: Directory for tables and figures; SCENARIO_states or paper_states by default.
         paper: Analyse the six cases of Klein & Diamant 2015 in place of a scenario.
     """
+    from bottomlock.observability.report import observe_paper, observe_scenario
+
     if paper == (scenario is not None):
         raise ScenarioError(expected="either a scenario or --paper")
     out = out or beside(Path(scenario or "paper"), "states")

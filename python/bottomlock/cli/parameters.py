@@ -1,19 +1,18 @@
 """Parameters that several commands share, and the scenarios that they select."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from bottomlock.cli.console import say
-from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import OutputError, ScenarioError
-from bottomlock.io.beam_table import geometry_beside
-from bottomlock.kernel import METHODS
-from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.simulation.path import resolved
-from bottomlock.studies.cases import in_world
+
+if TYPE_CHECKING:
+    from bottomlock.config.scenario import Scenario
 
 Out = Annotated[Path | None, Parameter(alias="-o")]
 CampaignOut = Annotated[
@@ -36,8 +35,8 @@ Methods = Annotated[
     str | None,
     Parameter(
         alias="-m",
-        help="Aiding methods, separated by commas; the scenario's own by default. There are "
-        f"{', '.join(METHODS)}, and FILE.py:CLASS; in `bottomlock run` also {DEAD_RECKONING}.",
+        help="Aiding methods, separated by commas; the scenario's own by default. There are ins, lc, tc, vb, nsv, "
+        "plcf, vhv, elc, info, weak_sway, sway_current, and FILE.py:CLASS; in `bottomlock run` also dead_reckoning.",
     ),
 ]
 Json = Annotated[bool, Parameter(help="Print JSON for a program in place of tables for a reader.")]
@@ -130,6 +129,10 @@ def load_scenarios(
         ScenarioError: for no scenario, two of one name, a value out of range, and what `load_scenario` and
             `in_world` reject.
     """
+    from bottomlock.config.scenario import load_scenario
+    from bottomlock.simulation.path import resolved
+    from bottomlock.studies.cases import in_world
+
     if not names:
         raise ScenarioError(
             "no scenario is named", hint="`bottomlock list scenarios` lists the packaged ones"
@@ -159,6 +162,8 @@ def beside(path: Path, what: str) -> Path:
 
 def geometry_of(log: Path, stated: str | None) -> str | None:
     """The geometry that is stated, or that `bottomlock convert` noted beside a table; None without either."""
+    from bottomlock.io.beam_table import geometry_beside
+
     if stated is not None:
         return stated
     noted = geometry_beside(log)

@@ -1,31 +1,19 @@
 """The command `bottomlock replay`: recorded dives with all their beams and with fewer."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
-from rich.progress import MofNCompleteColumn
 
 from bottomlock.cli.console import console, late_bar, say
-from bottomlock.cli.page_output import print_blocks, print_headline, print_part
 from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_ending, check_threads, split
 from bottomlock.errors import ScenarioError
-from bottomlock.export.formats import FORMATS, check_formats
-from bottomlock.export.replay import export_replay
-from bottomlock.files.overwriting import check_free
-from bottomlock.files.replay_tables import ReplayTables
-from bottomlock.io.beams import read_geometry
-from bottomlock.io.calibrated_file import require_toml
-from bottomlock.pages.page import Table, plain_text
-from bottomlock.replay.calibration import calibration_words, writing_method
-from bottomlock.replay.calibration import write_calibration as write
-from bottomlock.replay.case import load_case
-from bottomlock.replay.init.entries import assumed
-from bottomlock.replay.init.make import make_case
-from bottomlock.replay.page import page_of
-from bottomlock.replay.reading import has_origin
-from bottomlock.replay.report import PAGE, run_and_report
+
+if TYPE_CHECKING:
+    from bottomlock.files.replay_tables import ReplayTables
 
 
 def replay(
@@ -40,8 +28,8 @@ def replay(
     export: Annotated[
         str | None,
         Parameter(
-            help=f"Formats of the tracks, written to the folder `export` in DIR, separated by commas: "
-            f"{', '.join(FORMATS)}. With the folder of a replay as FILE nothing else is done."
+            help="Formats of the tracks, written to the folder `export` in DIR, separated by commas: "
+            "kml, geojson, csv, tum, mcap. With the folder of a replay as FILE nothing else is done."
         ),
     ] = None,
 ) -> None:
@@ -60,6 +48,18 @@ def replay(
         force: Start over in a directory that holds another replay.
         write_calibration: TOML file for a copy of the DVL's file with the estimated calibration and its 1 sigma.
     """
+    from rich.progress import MofNCompleteColumn
+
+    from bottomlock.export.formats import check_formats
+    from bottomlock.files.overwriting import check_free
+    from bottomlock.io.beams import read_geometry
+    from bottomlock.io.calibrated_file import require_toml
+    from bottomlock.replay.calibration import write_calibration as write
+    from bottomlock.replay.calibration import writing_method
+    from bottomlock.replay.case import load_case
+    from bottomlock.replay.reading import has_origin
+    from bottomlock.replay.report import PAGE, run_and_report
+
     if init:
         init_case(files, out or first_of(files).with_name("case.toml"), force=force, without=without or ())
         return
@@ -124,12 +124,17 @@ def _only(files: Sequence[Path]) -> Path:
 
 def _export(folder: Path, formats: Sequence[str], methods: Sequence[str] | None, *, force: bool) -> None:
     """Exports a replay and names the files."""
+    from bottomlock.export.replay import export_replay
+
     for path in export_replay(folder, formats, methods=methods, force=force):
         say(f"wrote {path}")
 
 
 def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequence[str]) -> None:
     """Writes a first case and says what it is made of."""
+    from bottomlock.replay.init.entries import assumed
+    from bottomlock.replay.init.make import make_case
+
     check_ending(out, ".toml")
     first = make_case(files, out, force=force, without=without)
     for line in first.words:
@@ -146,6 +151,11 @@ def init_case(files: Sequence[Path], out: Path, *, force: bool, without: Sequenc
 
 def print_results(replayed: ReplayTables) -> None:
     """Prints whether the replay can be trusted, findings, faults of the clocks, and the tables of each what-if case."""
+    from bottomlock.cli.page_output import print_blocks, print_headline, print_part
+    from bottomlock.pages.page import Table, plain_text
+    from bottomlock.replay.calibration import calibration_words
+    from bottomlock.replay.page import page_of
+
     manifest = replayed.manifest
     page = page_of(replayed)
     print_headline(page.headline)

@@ -1,27 +1,25 @@
 """The commands `bottomlock reproduce` and `bottomlock report`."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from bottomlock.campaign.run import check_campaign
-from bottomlock.cli.campaign_output import print_comparison, progress_bar
 from bottomlock.cli.common import Force, ForceStudy
 from bottomlock.cli.console import console
 from bottomlock.cli.parameters import Out, Seed, StudyOut, Threads, check_threads
 from bottomlock.errors import DataError
-from bottomlock.files.campaign_tables import VARIANTS
-from bottomlock.replay.report import is_replay, make_replay_report
-from bottomlock.report.compare import compare
-from bottomlock.report.page import Report, make_report
-from bottomlock.studies import reproduce as whole_study
+
+if TYPE_CHECKING:
+    from bottomlock.report.page import Report
 
 
 def reproduce(
     *,
     out: StudyOut,
-    runs: Annotated[int, Parameter(alias="-n")] = whole_study.RUNS,
+    runs: Annotated[int, Parameter(alias="-n")] = 500,
     seed: Seed = None,
     threads: Threads = 0,
     force: ForceStudy = False,
@@ -31,6 +29,10 @@ def reproduce(
     Args:
         runs: Number of runs of each trajectory.
     """
+    from bottomlock.campaign.run import check_campaign
+    from bottomlock.cli.campaign_output import progress_bar
+    from bottomlock.studies import reproduce as whole_study
+
     check_threads(threads)
     scenarios = whole_study.study_scenarios(runs, seed)
     check_campaign(scenarios, out, force=force)
@@ -58,6 +60,12 @@ def report(
         out: Directory for the page of several campaigns; that of variants, otherwise none by default.
         against: Of several campaigns the one that differences are taken to; the first by default.
     """
+    from bottomlock.cli.campaign_output import print_comparison
+    from bottomlock.files.campaign_tables import VARIANTS
+    from bottomlock.replay.report import is_replay, make_replay_report
+    from bottomlock.report.compare import compare
+    from bottomlock.report.page import make_report
+
     if not directory:
         raise DataError("no directory is named", expected="that of a campaign or a replay")
     first, *others = directory

@@ -1,31 +1,25 @@
 """The command `bottomlock fly`: truth, telemetry and sensor streams of a scenario."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import polars as pl
-
-from bottomlock.campaign.folder import identity_of
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import Out, check_option, load_scenarios
-from bottomlock.config.scenario import Scenario
-from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
-from bottomlock.figures.drawing import on_paper
-from bottomlock.figures.flight import flight_figure, path_figure
-from bottomlock.figures.palette import figure_files
-from bottomlock.files.atomic_write import parquet_bytes
-from bottomlock.files.overwriting import Files, Result
-from bottomlock.io.beams import InstrumentFile
-from bottomlock.plant import telemetry
-from bottomlock.simulation.build import Simulation, build_simulation, closure, trajectory_key
-from bottomlock.simulation.measurement_schedule import schedule_and_footprints
-from bottomlock.simulation.sensor_streams import sensor_streams
-from bottomlock.statistics.rms import rms
-from bottomlock.truth import Truth
+
+if TYPE_CHECKING:
+    import numpy as np
+    import polars as pl
+
+    from bottomlock.config.scenario import Scenario
+    from bottomlock.config.scenario_sections import Dvl
+    from bottomlock.files.overwriting import Files
+    from bottomlock.simulation.build import Simulation
+    from bottomlock.truth import Truth
 
 
 def fly(
@@ -45,6 +39,10 @@ def fly(
         vehicle: Packaged vehicle or TOML file; the scenario's own by default.
         sensors: Number of a run: write its sensor readings, a table per sensor, and the DVL's geometry.
     """
+    from bottomlock.campaign.folder import identity_of
+    from bottomlock.files.overwriting import Result
+    from bottomlock.simulation.build import build_simulation
+
     loaded = load_scenarios(scenario)
     check_option("--sensors", sensors, "a run number, 0 or more", holds=sensors is None or sensors >= 0)
     if out is None and not dry_run:
@@ -82,6 +80,15 @@ def _with_vehicle(scenario: Scenario, vehicle: str | None) -> Scenario:
 
 def _of_vehicle(simulation: Simulation, sensors: int | None, *, dry_run: bool) -> Files:
     """Prints what the motion is like; the files are none of a dry run."""
+    import numpy as np
+
+    from bottomlock.figures.drawing import on_paper
+    from bottomlock.figures.flight import flight_figure, path_figure
+    from bottomlock.figures.palette import figure_files
+    from bottomlock.files.atomic_write import parquet_bytes
+    from bottomlock.plant import telemetry
+    from bottomlock.statistics.rms import rms
+
     name, flight = simulation.scenario.name, simulation.flight()
     frame = telemetry(flight)
     files: Files = {}
@@ -103,6 +110,8 @@ def _of_vehicle(simulation: Simulation, sensors: int | None, *, dry_run: bool) -
 
 def _along_path(simulation: Simulation, sensors: int | None, *, dry_run: bool) -> Files:
     """As `_of_vehicle`, of a trajectory from a file."""
+    from bottomlock.simulation.build import closure
+
     truth, summary = simulation.along_path()
     files = {} if dry_run else _files(simulation, truth, _beams(simulation, truth), sensors)
     position_m, attitude_rad = closure(simulation, truth)
@@ -118,6 +127,11 @@ def _along_path(simulation: Simulation, sensors: int | None, *, dry_run: bool) -
 
 def _files(simulation: Simulation, truth: Truth, beams: pl.DataFrame, sensors: int | None) -> Files:
     """Truth and beams, and with `sensors` the readings of that run and the DVL's geometry."""
+    import polars as pl
+
+    from bottomlock.files.atomic_write import parquet_bytes
+    from bottomlock.simulation.sensor_streams import sensor_streams
+
     name = simulation.scenario.name
     tables = {"truth": pl.DataFrame(_wide(truth)), "beams": beams}
     if sensors is not None:
@@ -131,6 +145,9 @@ def _files(simulation: Simulation, truth: Truth, beams: pl.DataFrame, sensors: i
 
 def geometry_file(dvl: Dvl) -> str:
     """The DVL as the geometry file that audit, fix and replay read."""
+    from bottomlock.config.scenario_sections import Dvl
+    from bottomlock.io.beams import InstrumentFile
+
     shared = [key for key in InstrumentFile.model_fields if key in Dvl.model_fields]
     values = {key: getattr(dvl, key) for key in shared}
     unused = {
@@ -148,6 +165,11 @@ def geometry_file(dvl: Dvl) -> str:
 
 def _beams(simulation: Simulation, truth: Truth) -> pl.DataFrame:
     """Which beams return in the first run and, over a seabed, at which range (m) and incidence (rad)."""
+    import polars as pl
+
+    from bottomlock.simulation.build import trajectory_key
+    from bottomlock.simulation.measurement_schedule import schedule_and_footprints
+
     schedule, hits = schedule_and_footprints(
         simulation, truth, trajectory_key=trajectory_key(simulation.scenario.name)
     )

@@ -1,5 +1,7 @@
 """The command `bottomlock simulate-dvl`: a simulated instrument that sends a maker's bytes."""
 
+from __future__ import annotations
+
 import asyncio
 import datetime as dt
 import math
@@ -8,31 +10,20 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import check_ending, check_option
-from bottomlock.config.scenario import load_scenario
-from bottomlock.config.toml_file import kinds_of
-from bottomlock.encoders.registry import FORMATS, NAMES, encoder, format_named
+from bottomlock.encoders.registry import FORMATS, NAMES
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import write_parquet
-from bottomlock.files.overwriting import check_free
-from bottomlock.instruments.faults import parse_faults
-from bottomlock.instruments.play import EXPECTED, Channel, parse_address, play, sink_of
-from bottomlock.instruments.readings import Readings
-from bottomlock.instruments.schedule import POWERED_S, Record, depth_lines, imu_lines, records, sent_table
-from bottomlock.instruments.sources import (
-    readings_of_case,
-    readings_of_log,
-    readings_of_scenario,
-    with_geometry,
-)
-from bottomlock.live.loop import cancel_at_signals
-from bottomlock.replay.case import load_case
+
+if TYPE_CHECKING:
+    from bottomlock.instruments.play import Channel
+    from bottomlock.instruments.readings import Readings
+    from bottomlock.instruments.schedule import Record
 
 DEFAULT_START = "2026-01-01T00:00:00"
 
@@ -43,7 +34,13 @@ def simulate_dvl(
     format: Annotated[  # noqa: A002 - the option's name
         str, Parameter(help=f"Maker's format: {', '.join(NAMES)}.")
     ] = FORMATS[0].name,
-    dvl: Annotated[str, Parameter(help=f"Where the DVL sends: {EXPECTED}.")] = "tcpin:16171",
+    dvl: Annotated[
+        str,
+        Parameter(
+            help="Where the DVL sends: tcpin:HOST:PORT (listens), udpout:HOST:PORT (sends), pty:LINK, "
+            "serial:DEVICE:BAUD, file:PATH."
+        ),
+    ] = "tcpin:16171",
     imu: str | None = None,
     depth: str | None = None,
     speed: str = "1",
@@ -80,6 +77,12 @@ def simulate_dvl(
         altitude_m: Over the bottom, where the source has no ranges.
         wait: Start when every TCP server has a client; --no-wait starts at once.
     """
+    from bottomlock.encoders.registry import encoder, format_named
+    from bottomlock.files.atomic_write import write_parquet
+    from bottomlock.instruments.faults import parse_faults
+    from bottomlock.instruments.play import Channel, parse_address, sink_of
+    from bottomlock.instruments.schedule import POWERED_S, depth_lines, imu_lines, records, sent_table
+
     settings = parse_faults(faults)
     pace = _pace(speed)
     _check(run=run, latency_ms=latency_ms, altitude_m=altitude_m, duration_s=duration_s)
@@ -163,6 +166,9 @@ async def _run(
     wait: bool,
     format_name: str,
 ) -> None:
+    from bottomlock.instruments.play import play
+    from bottomlock.live.loop import cancel_at_signals
+
     def opened() -> None:
         for part in parts:
             what = format_name if part.name == "dvl" else "lines"
@@ -208,6 +214,8 @@ def _absent(option: str, readings: Readings) -> ScenarioError:
 
 def _is_case(path: Path) -> bool:
     """Whether a TOML file is a replay case."""
+    from bottomlock.config.toml_file import kinds_of
+
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -226,6 +234,16 @@ def _readings(
     force: bool,
 ) -> tuple[Readings, int]:
     """The readings of any source, and the seed of the faults; first, that nothing to write is read."""
+    from bottomlock.config.scenario import load_scenario
+    from bottomlock.files.overwriting import check_free
+    from bottomlock.instruments.sources import (
+        readings_of_case,
+        readings_of_log,
+        readings_of_scenario,
+        with_geometry,
+    )
+    from bottomlock.replay.case import load_case
+
     path = Path(source)
     named = [path, *([] if geometry is None else [Path(geometry)])]
     if path.suffix.lower() == ".toml" and _is_case(path):

@@ -1,15 +1,14 @@
 """The command `bottomlock study`: methods under sets of beams and sensors, with one verdict each."""
 
-from collections.abc import Iterator
-from typing import Annotated
+from __future__ import annotations
 
-import polars as pl
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
 from cyclopts import Parameter
 
-from bottomlock.cli.campaign_output import ATTITUDE, POSITION, error_rows, progress_bar
 from bottomlock.cli.common import ForceStudy
 from bottomlock.cli.console import console, print_json
-from bottomlock.cli.page_output import print_table
 from bottomlock.cli.parameters import (
     Json,
     Methods,
@@ -22,16 +21,11 @@ from bottomlock.cli.parameters import (
     split,
 )
 from bottomlock.errors import ScenarioError
-from bottomlock.files.atomic_write import parquet_bytes
-from bottomlock.files.overwriting import Result
-from bottomlock.files.versions import library_versions
-from bottomlock.kernel import kernel_version
-from bottomlock.pages.page import Pictures, Table, html
-from bottomlock.statistics.chi_squared import FALSE_ALARM
-from bottomlock.studies import cases
-from bottomlock.studies.study import cells
-from bottomlock.studies.study import study as run_study
-from bottomlock.studies.study_page import page, summary_table
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from bottomlock.pages.page import Table
 
 CONFIGURED = "own"
 """For the beams or sensors of the scenario itself."""
@@ -59,7 +53,7 @@ def study(
         str | None,
         Parameter(
             help="Sets of sensors beside the beams, such as none,depth,depth+attitude, of "
-            f"{', '.join(cases.SENSORS)}; '{CONFIGURED}' (the default) for the scenario's own."
+            f"depth, heading, attitude, gps, acoustic; '{CONFIGURED}' (the default) for the scenario's own."
         ),
     ] = None,
     force: ForceStudy = False,
@@ -72,6 +66,19 @@ def study(
     Args:
         scenario: Packaged scenarios or TOML files; the three trajectories of the paper by default.
     """
+    from bottomlock.cli.campaign_output import progress_bar
+    from bottomlock.cli.page_output import print_table
+    from bottomlock.files.atomic_write import parquet_bytes
+    from bottomlock.files.overwriting import Result
+    from bottomlock.files.versions import library_versions
+    from bottomlock.kernel import kernel_version
+    from bottomlock.pages.page import Pictures, html
+    from bottomlock.statistics.chi_squared import FALSE_ALARM
+    from bottomlock.studies import cases
+    from bottomlock.studies.study import cells
+    from bottomlock.studies.study import study as run_study
+    from bottomlock.studies.study_page import page, summary_table
+
     loaded = load_scenarios(
         scenario or cases.PAPER_TRAJECTORIES,
         runs=runs,
@@ -125,6 +132,8 @@ def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...] | None]:
         >>> parse_masks("1234,13", 4), parse_masks("own", 4)
         ([(1, 2, 3, 4), (1, 3)], [None])
     """
+    from bottomlock.studies import cases
+
     known: dict[str, tuple[int, ...] | None] = {"".join(map(str, mask)): mask for mask in cases.masks(beams)}
     names = split(text) if text is not None else list(known)
     known[CONFIGURED] = None
@@ -152,11 +161,14 @@ def parse_sensors(text: str | None) -> list[tuple[str, ...] | None]:
 
 def cell_tables(table: pl.DataFrame) -> Iterator[tuple[str, Table]]:
     """A title and a table for each trajectory, beams and sensors, for 80 columns."""
+    from bottomlock.cli.campaign_output import ATTITUDE, POSITION, error_rows
+    from bottomlock.pages.page import Table
+
     columns = [
         ATTITUDE, POSITION, ("NEES 6", "nees_velocity_attitude", 1), ("NEES", "nees", 1), ("NIS", "nis", 2),
     ]  # fmt: skip
     for place, rows in table.group_by("trajectory", "beams", "sensors", maintain_order=True):
-        heads, cells = error_rows(rows, columns)
-        shown = [[*row, verdict or "-"] for row, verdict in zip(cells, rows["verdict"], strict=True)]
+        heads, texts = error_rows(rows, columns)
+        shown = [[*row, verdict or "-"] for row, verdict in zip(texts, rows["verdict"], strict=True)]
         title = "{}, beams {}, sensors {}: RMS over runs at the end".format(*place)
         yield title, Table([*heads, "verdict"], shown)

@@ -1,18 +1,20 @@
 """The command `bottomlock tune`: the noise of a recorded dive from the recording itself."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
-from rich.text import Text
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, late_bar, narrow_table, say
 from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_threads, split
-from bottomlock.replay.case import load_case
-from bottomlock.replay.tune.passes import LEFT_OUT, MEASURED, METHODS
-from bottomlock.replay.tune.result import record_of, require_free, write_tuned
-from bottomlock.replay.tune.run import SUM_S, Judged, Term, Tuned, TunedParameter, tune_case
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from bottomlock.replay.tune.run import Judged, Term, Tuned, TunedParameter
 
 
 def tune(
@@ -24,9 +26,9 @@ def tune(
         str,
         Parameter(
             alias="-m",
-            help=f"Methods whose predictions are scored, separated by commas, of {', '.join(MEASURED)}.",
+            help="Methods whose predictions are scored, separated by commas, of tc, info, sway_current.",
         ),
-    ] = ",".join(METHODS),
+    ] = "tc",
     threads: Threads = 0,
     force: Force = False,
 ) -> None:
@@ -37,6 +39,10 @@ def tune(
         out: The tuned case, beside the case; CASE_tuned.toml by default.
         fraction: Part of the recording, from its start, to estimate on; the rest judges.
     """
+    from bottomlock.replay.case import load_case
+    from bottomlock.replay.tune.result import record_of, require_free, write_tuned
+    from bottomlock.replay.tune.run import tune_case
+
     check_case(case)
     check_threads(threads)
     target = out or beside(case, "tuned.toml")
@@ -57,6 +63,8 @@ def tune(
 
 def print_tuned(tuned: Tuned) -> None:
     """What was found, and what the rest of the recording says of it."""
+    from bottomlock.replay.tune.passes import LEFT_OUT
+
     title = f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}"
     rows = map(_row, tuned.parameters)
     console.print(narrow_table(title, ["setting", "old", "new", "± 1σ", "gain"], rows))
@@ -76,6 +84,8 @@ def print_tuned(tuned: Tuned) -> None:
 
 
 def _row(parameter: TunedParameter) -> tuple[str | Text, ...]:
+    from rich.text import Text
+
     old = f"{parameter.old:.3g}" if parameter.old != 0.0 else "–"
     if not parameter.is_determined:
         return parameter.words, old, Text("not determined", style="dim"), "–", "–"
@@ -103,6 +113,8 @@ def _of(term: Term | None, name: str) -> str:
 
 def sentences(tuned: Tuned) -> list[str]:
     """The verdicts, a sentence a line."""
+    from bottomlock.replay.tune.run import SUM_S
+
     lines = []
     for name, judged in (("old", tuned.old), ("new", tuned.new)):
         if judged is None:
