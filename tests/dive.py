@@ -305,6 +305,21 @@ def intervals(held: Tables) -> Tables:
     }
 
 
+def quaternion(scalar: str, first: int) -> Fault:
+    """An attitude as four numbered columns, from q0 or q1, the scalar first or last."""
+
+    def spoil(held: Tables) -> Tables:
+        ahrs = held["ahrs"]
+        angles = ahrs.select("heading_deg", "pitch_deg", "roll_deg").to_numpy()
+        q = np.roll(
+            Rotation.from_euler("ZYX", angles, degrees=True).as_quat(), int(scalar == "first"), axis=1
+        )
+        columns = {f"q{k + first}": one for k, one in enumerate(q.T)}
+        return dict(held) | {"ahrs": ahrs.select("time_s").hstack(pl.DataFrame(columns))}
+
+    return spoil
+
+
 def hull_pressure(held: Tables) -> Tables:
     """Another pressure sensor, of the air in the hull."""
     air = 101_900.0 + 60.0 * (held["depth"]["time_s"] / 40.0).sin()
@@ -326,6 +341,8 @@ FAULTS: dict[str, Fault] = {
     "-32.768 for lost velocities": single_pings(-32.768),
     "flags as True and False": changed("velocity", velocity_valid=pl.lit("True")),
     "hull pressure": hull_pressure,
+    "q0 to q3, scalar last": quaternion("last", 0),
+    "q1 to q4, scalar first": quaternion("first", 1),
     "no stamps of the DVL": changed("beams", stamp_ns=pl.lit(0)),
     "identity for an attitude": changed("ahrs", roll_deg=pl.lit(0.0), pitch_deg=pl.lit(0.0), heading_deg=pl.lit(0.0)),
     "clock set after 40 s": later(*BOTH, by_s=-3e8, end_s=40.0),
@@ -334,6 +351,8 @@ FAULTS: dict[str, Fault] = {
     # Of sensors.
     "frozen depth": changed("depth", depth_m=during("depth_m", 40.0, np.inf, pl.lit(3.1))),
     "depth jumps": changed("depth", depth_m=during("depth_m", 60.0, np.inf, pl.col("depth_m") + 2.0)),
+    "depth drifts": changed("depth", depth_m=pl.col("depth_m") + 2.0 * (pl.col("time_s") - EPOCH_S) / 150.0),
+    "beams 1 and 2 dead": changed("beams", beam1_mps=pl.lit(np.nan), beam2_mps=pl.lit(np.nan)),
     "compass jumps": changed(
         "ahrs", heading_deg=during("heading_deg", 80.0, 140.0, (pl.col("heading_deg") + 25.0) % WHOLE_SPHERE)
     ),

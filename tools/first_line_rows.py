@@ -150,6 +150,8 @@ def _right() -> Iterator[Row]:
     yield right("velocity, IMU alone", "imu velocity")
     yield right("calm dive of 420 s", velocity, lively=0.3, seconds=420.0)
     yield right("dive of 60 s", velocity, seconds=60.0)
+    for order in ("q0 to q3, scalar last", "q1 to q4, scalar first"):
+        yield right(order, velocity, order)
 
 
 def _cases() -> Iterator[Row]:
@@ -166,6 +168,7 @@ def _cases() -> Iterator[Row]:
     yield case("06 pressure of the hull", "bag", "hull pressure")
     yield case("07 frozen depth", json, "frozen depth")
     yield case("07 depth jumps", json, "depth jumps")
+    yield case("07 depth drifts, gps", velocity + " gps", "depth drifts")
     yield case("08 compass jumps", json, "compass jumps", seconds=240.0)
     yield case("08 compass jumps, gps", json + " gps", "compass jumps", seconds=240.0)
     for seed in (3, 6, 7):
@@ -209,6 +212,9 @@ def _mistakes() -> Iterator[Row]:
     yield mistake("magnetic heading, gps", velocity + " gps", "magnetic heading")
     yield mistake("magnetic heading", velocity, "magnetic heading")
     yield mistake("velocities 8 % too large, gps", velocity + " gps", "velocities 8 % too large")
+    mirrored, dead = "velocity forward, left, down", "beams 1 and 2 dead"
+    yield mistake(f"{mirrored}, gps", velocity + " gps", mirrored)
+    yield mistake(f"{dead}, gps", "imu waterlinked-json depth ahrs gps", dead, seed=5)
     swapped = "latitude and longitude exchanged"
     yield mistake(swapped, velocity + " gps", swapped)
     yield mistake("heading from east, gps", velocity + " gps", "heading from east")

@@ -6,12 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError, OutputError
 from bottomlock.replay.case import Case, load_case
+from bottomlock.replay.init.any_table import AnyTable
+from bottomlock.replay.init.attitude_part import angles_of
+from bottomlock.replay.init.found import find_streams
+from bottomlock.replay.init.imu_part import guess_imu
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
 from tests.dive import EARTH, Dive, Floats, drawn_dive
@@ -254,3 +259,48 @@ def test_a_heading_that_nothing_tells_is_unknown(dive: Dive, tmp_path: Path, giv
     assert np.ptp(off) < np.deg2rad(2.5)
     assert "relative_track" in [one["kind"] for one in result.manifest["findings"]]
     assert result.manifest["answer"]["verdict"] == "partly"
+
+
+@pytest.mark.parametrize(
+    ("yaw", "scalar", "unit_known", "why"),
+    [
+        (0.6, "first", True, "off gravity, else"),
+        (0.6, "last", True, "the last column is the scalar"),
+        (np.pi, "first", False, "neither gyros nor gravity tell it"),
+    ],
+)
+def test_the_scalar_of_a_numbered_quaternion(yaw: float, scalar: str, unit_known: bool, why: str) -> None:
+    """A vehicle that does not turn: gravity tells it, but for a heading at which both orders are level."""
+    rng, n = np.random.default_rng(2), 400
+    time_ns = np.arange(n, dtype=np.int64) * 100_000_000
+    rpy = np.tile([0.02, -0.03, yaw], (n, 1))
+    q = np.roll(Rotation.from_euler("ZYX", rpy[:, ::-1]).as_quat(), int(scalar == "first"), axis=1)
+    frame = pl.DataFrame({"time_ns": time_ns} | {f"q{k}": one for k, one in enumerate(q.T)})
+    (found,) = find_streams(AnyTable(Path("ahrs.csv"), frame, plain=True, units={}))
+    force = np.tile([0.0, 0.0, -G], (n, 1)) + 0.05 * rng.normal(size=(n, 3))
+    turns = 0.01 * rng.normal(size=(n, 3))
+    names = [*(f"a{a}" for a in "xyz"), *(f"w{a}" for a in "xyz")]
+    readings = pl.DataFrame({"time_ns": time_ns} | dict(zip(names, np.hstack([force, turns]).T, strict=True)))
+    imu = guess_imu(find_streams(AnyTable(Path("imu.csv"), readings, plain=True, units={}))[0], None)
+    for sensor in (imu, None):
+        angles, unit = angles_of(found, sensor)
+        assert (unit.known, why in unit.why) == (unit_known, True)
+        assert not unit_known or np.allclose(angles, rpy)
+
+
+def test_four_numbers_without_the_norm_of_a_quaternion_are_none() -> None:
+    columns = {"t": np.arange(100) * 0.1} | {f"q{k}": np.full(100, 0.9) for k in range(4)}
+    assert not find_streams(AnyTable(Path("flow.csv"), pl.DataFrame(columns), plain=True, units={}))
+
+
+def test_the_depth_begins_a_dive_whose_positions_have_no_height(dive: Dive, tmp_path: Path) -> None:
+    """53 m down, followed acoustically: positions of the surface's 0 m would be 50 sigma off the depth."""
+    k = slice(0, None, 25)
+    depth = write_csv(
+        tmp_path / "depth.csv", {"t": dive.imu_s[k] + EPOCH_S, "depth": dive.position[k, 2] + 50.0}
+    )
+    north, east = dive.position[k, :2].T
+    places = {"t": dive.imu_s[k] + EPOCH_S, "lat": 45.0 + north / 111_131.745, "lon": 10.0 + east / 78_846.8}
+    case = made(dive, tmp_path, inertial(dive), depth, write_csv(tmp_path / "usbl.csv", places))
+    assert case.start.position == "reference"
+    assert case.start.position_sd_m == (1.0, 1.0, 100.0)

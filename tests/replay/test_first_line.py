@@ -8,8 +8,11 @@ from tests import dive as dives
 from tools.first_line import is_right, run
 from tools.first_line_rows import rows
 
-DOUBTFUL = {"case: 07 depth jumps", "case: 22 clock set after 40 s"}
-"""Nothing tells which part is right; a part of the dive is missing."""
+DOUBTFUL = {
+    "case: 07 depth jumps", "case: 07 depth drifts, gps", "case: 22 clock set after 40 s",
+    "mistake: beams 1 and 2 dead, gps",
+}  # fmt: skip
+"""Nothing tells which part is right; a part of the dive, or two beams, are missing."""
 ROWS = {row.name: row for row in rows()}
 
 
@@ -31,6 +34,11 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: pressure named depth", "no"),
         ("mistake: velocities in feet a second", "no"),
         ("mistake: velocity forward, left, down", "partly"),
+        ("right: q0 to q3, scalar last", "partly"),
+        ("right: q1 to q4, scalar first", "partly"),
+        ("mistake: beams 1 and 2 dead, gps", "partly"),
+        ("case: 07 depth drifts, gps", "partly"),
+        ("mistake: velocity forward, left, down, gps", "yes"),
         ("case: 07 frozen depth", "partly"),
         ("case: 08 compass jumps", "partly"),
         ("case: 22 clock set after 40 s", "partly"),
@@ -48,7 +56,7 @@ def test_answers(name: str, verdict: str) -> None:
     if verdict != "no" and name not in DOUBTFUL:
         assert is_right(found, found["reckoned_rms_m"], 0.0)
     # A declination that is added to a true heading leaves 1 m and more.
-    assert "gps" not in name or found["rms_m"] < 0.5
+    assert "gps" not in name or name in DOUBTFUL or found["rms_m"] < 0.5
 
 
 @pytest.mark.parametrize("name", ["case: 02 a column of intervals", "case: 15 stamps of 0"])

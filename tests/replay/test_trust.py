@@ -142,7 +142,9 @@ def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
     assert answer_of(evidence(causes=(NOISY,))).verdict == "partly"
     alone = answer_of(evidence(agreements=(), reckoned=False))
     assert (alone.verdict, "nothing else confirms" in alone.sentence) == ("partly", True)
-    assert answer_of(evidence(agreements=(), reckoned=False, reference=AGREES)).verdict == "yes"
+    near = replace(AGREES, rms_m=2.6, sd_m=0.8)
+    assert answer_of(evidence(agreements=(), reckoned=False, reference=near)).verdict == "yes"
+    assert "80 % of the pings" in answer_of(evidence(agreements=(), reckoned=False, partial=0.8)).sentence
 
 
 @pytest.mark.parametrize(
@@ -186,6 +188,7 @@ VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
         ({"agreements": (), "reckoned": False, "reference": AGREES, "way_m": 0.9}, "tc"),
         ({"geometry_open": True}, "tc"),
         ({"heading_open": True}, "tc"),
+        ({"agreements": (), "reckoned": False, "reference": replace(AGREES, rms_m=2.6)}, "tc"),
         ({"reference": DISAGREES}, "tc"),
         ({"reference": Reference("tc", 2.0, 1.0, 2.1)}, "tc"),
     ],
@@ -263,6 +266,7 @@ def test_the_reference_at_the_end_and_over_time() -> None:
     assert found.end_sigmas == pytest.approx(5.0 / np.hypot(5.0, 5.0))
     # The first row is the start itself: 0, 1, 1 in the north and 0, 0, 1 in the east.
     assert found.rms_sigmas == pytest.approx(np.sqrt(3.0 / 6.0))
+    assert (found.rms_m, found.sd_m) == pytest.approx((np.sqrt((9.0 + 25.0) / 3.0), 5.0))
 
 
 def test_a_reference_confirms_an_open_geometry() -> None:

@@ -1,6 +1,6 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -9,6 +9,7 @@ from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_motion import LENGTH_S
+from bottomlock.recordings.stream_sections import DepthStream
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
@@ -17,9 +18,12 @@ from bottomlock.replay.findings.limits import SMALL_CLAIM, WRONG_CLAIM
 from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.streams import Streams
+from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 SIGMAS = 5.0
 NEAR_S = 3.0
+FEWEST_SEGMENTS = 6
+"""Segments from which a drift of the depth is told from their scatter."""
 
 
 def order_finding(streams: Streams) -> Finding | None:
@@ -114,8 +118,17 @@ def velocity_finding(alignment: Alignment, time_ns: Integers, velocity_p: Floats
     )  # fmt: skip
 
 
-def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match) -> Finding | None:
-    """Depth against the vertical velocity of the DVL, whose vertical is gravity as integrated."""
+def depth_finding(
+    case: Case, streams: Streams, recorded: Recorded, match: Match, tight: Mapping[str, float]
+) -> Finding | None:
+    """Depth against the vertical velocity of the DVL, whose vertical is gravity as integrated.
+
+    Args:
+        case, streams: the case and its recording.
+        recorded: readings and velocities, as the match was made with.
+        match: of both.
+        tight: 1 sigma of every parameter as the case states it.
+    """
     if case.depth is None or streams.depths is None:
         return None
     found = vertical_velocity(recorded, match)
@@ -128,26 +141,38 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
     if len(time_ns) < LEAST_PINGS:
         return None
     depth = np.interp(time_ns * 1e-9, depths.time_ns * 1e-9, depths.depth_m)
-    speed = np.interp(
-        time_ns * 1e-9, recorded.time_ns * 1e-9, np.linalg.norm(recorded.velocity_p_mps[:, :2], axis=1)
-    )
+    # Along the axes of the platform: a mounting or a level that is off sinks by a part of each.
+    level = [
+        np.interp(time_ns * 1e-9, recorded.time_ns * 1e-9, one) for one in recorded.velocity_p_mps[:, :2].T
+    ]
     parts = []
     for rows in (np.flatnonzero(segment == one) for one in np.unique(segment)):
         if len(rows) >= 4:
             seconds = time_ns[rows] * 1e-9 - time_ns[rows[0]] * 1e-9
-            sunk, gone = (
-                cumulative_trapezoid(rate[rows], seconds, initial=0.0) for rate in (down_mps, speed)
-            )
-            parts.append([values - values.mean() for values in (sunk, depth[rows], gone)])
+            rates = (down_mps, np.hypot(*level), *level)
+            sunk, *gone = (cumulative_trapezoid(rate[rows], seconds, initial=0.0) for rate in rates)
+            parts.append([values - values.mean() for values in (sunk, depth[rows], *gone, seconds)])
     if not parts:
         return None
-    xs, ys, zs = zip(*parts, strict=True)
     # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
     tilt = float(match.part_sd("rotation")[:2].max())
+    step_s = float(np.median(np.diff(time_ns))) * 1e-9
+    off = float(np.hypot(tilt, tight["accel_bias"] / STANDARD_GRAVITY_MPS2))
+    B = np.asarray(streams.instrument.geometry.directions_p)
+    bias_mps = case.dvl.errors.beam_bias_mps * float(np.sqrt(np.linalg.inv(B.T @ B)[2, 2]))
+    return _slope_finding(case.depth, parts, tilt, match.sigma_mps * step_s) or _drift_finding(
+        parts, off, bias_mps, float(np.ptp(time_ns)) * 1e-9
+    )
+
+
+def _slope_finding(
+    stated: DepthStream, parts: Sequence[Sequence[Floats]], tilt: float, noise_m: float
+) -> Finding | None:
+    """The depth's change over the distance sunk, of which each velocity adds the noise."""
+    xs, ys, zs, *_ = zip(*parts, strict=True)
     leak = tilt * abs(sum(float(y @ z) for y, z in zip(ys, zs, strict=True)))
     # Noise of single velocities walks in the distance sunk, and a mounting puts a part of the distance gone into it.
-    step_s = float(np.median(np.diff(time_ns))) * 1e-9
-    noise = sum((match.sigma_mps * step_s * len(x)) ** 2 / 6.0 for x in xs)
+    noise = sum((noise_m * len(x)) ** 2 / 6.0 for x in xs)
     gone = sum(float(x @ z) for x, z in zip(xs, zs, strict=True)) ** 2 / max(
         sum(float(z @ z) for z in zs), 1e-12
     )
@@ -167,10 +192,53 @@ def depth_finding(case: Case, streams: Streams, recorded: Recorded, match: Match
         f"The depth changes {slope:.3g} times as much as the DVL says.",
         f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
         "expected +1.",
-        f"Set depth.up = {str(not case.depth.up).lower()}." if wrong_way else
+        f"Set depth.up = {str(not stated.up).lower()}." if wrong_way else
         "Leave [depth] out: its sensor stands still." if stands else
         "Check depth.unit and depth.water_density_kg_per_m3.",
         "depth.up" if wrong_way else "depth.unit", expected="a slope of +1",
+    )  # fmt: skip
+
+
+def _drift_finding(
+    parts: Sequence[Sequence[Floats]], tilt: float, bias_mps: float, seconds: float
+) -> Finding | None:
+    """What the depth gains steadily on the distance sunk.
+
+    An error of mounting, level and scale adds parts of the distances gone and sunk: they are fitted, or where the dive
+    does not tell them apart they are as their 1 sigma states.
+
+    Args:
+        parts: of every segment, see `depth_finding`.
+        tilt: 1 sigma of mounting and level, rad.
+        bias_mps: 1 sigma of a vertical velocity that is off all along.
+        seconds: duration.
+    """
+    if len(parts) < FEWEST_SEGMENTS:
+        return None
+    told = []
+    for columns in ((-1,), (-1, 0, 3, 4)):
+        A = [np.stack([part[k] for k in columns], axis=1) for part in parts]
+        y = [part[1] - part[0] for part in parts]
+        inverse = np.linalg.pinv(sum(one.T @ one for one in A))
+        fitted = inverse @ sum(one.T @ of for one, of in zip(A, y, strict=True))
+        scores = np.array([one.T @ (of - one @ fitted) for one, of in zip(A, y, strict=True)])
+        spare = len(parts) / max(len(parts) - len(columns), 1)
+        sd = float(np.sqrt(spare * (inverse @ scores.T @ scores @ inverse)[0, 0]))
+        told.append((sd, float(fitted[0])))
+    speed = float(np.mean([np.ptp(part[2]) / np.ptp(part[-1]) for part in parts]))
+    told[0] = float(np.hypot(told[0][0], tilt * speed)), told[0][1]
+    sd, rate = min(told)
+    sd = float(np.hypot(sd, bias_mps))
+    # Right dives have 1.0 at most, 2.6 where a constant speed leaves the mounting to its 1 sigma; 13 mm/s have 10.
+    if abs(rate) < SIGMAS * sd:
+        return None
+    return Finding(
+        "depth_drift", "warning", (rate / sd) ** 2,
+        f"The depth drifts by {rate * seconds:+.2g} m in {seconds:.0f} s against the DVL's vertical velocity.",
+        f"In segments of {LENGTH_S:.0f} s it gains {1e3 * rate:+.1f} ± {1e3 * sd:.1g} mm/s on the distance sunk by DVL "
+        "and IMU.",
+        "Check the depth sensor; or the mounting of the DVL, roll and pitch, is off by more than its 1 sigma.",
+        "depth.file", expected="no drift",
     )  # fmt: skip
 
 

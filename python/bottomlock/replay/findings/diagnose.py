@@ -281,7 +281,7 @@ def _against_imu(
     gyros = comparison.causes[0].mistake.gyros if comparison.causes else 1.0
     if np.all(np.asarray(gyros) == 1.0) and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))
-        found.append(checks.depth_finding(case, streams, recorded, best))
+        found.append(checks.depth_finding(case, streams, recorded, best, tight))
     return found
 
 

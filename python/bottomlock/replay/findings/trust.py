@@ -3,6 +3,7 @@
 Tracks are held against each other and a reference; the answer has the numbers that decide it.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -44,17 +45,25 @@ class Reference:
         end_m: distance at the end.
         end_sigmas: the same over the root of the sum of the squares of both σ.
         rms_sigmas: RMS of the error over claimed σ.
+        rms_m: RMS of the error.
+        sd_m: noise of the reference, root of the sum over both axes.
     """
 
     method: str
     end_m: float
     end_sigmas: float
     rms_sigmas: float
+    rms_m: float = 0.0
+    sd_m: float = 0.0
 
     @property
     def agrees(self) -> bool:
         """Whether the claims of both explain the distance."""
         return self.end_sigmas <= REFERENCE_SIGMAS and self.rms_sigmas <= REFERENCE_RMS_SIGMAS
+
+    def near(self, way_m: float) -> bool:
+        """Whether the error is small of the distance travelled, and not explained by a large claim alone."""
+        return self.rms_m <= math.hypot(OF_WAY * way_m, self.sd_m)
 
     def words(self) -> str:
         """The comparison in one sentence."""
@@ -177,8 +186,9 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
         np.linalg.norm(errors[-1]),
         np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
     )
-    rms = np.sqrt(np.mean((errors / sd) ** 2))
-    return Reference(method, float(end_m), float(end_m / both_m), float(rms))
+    rms, rms_m = np.sqrt(np.mean((errors / sd) ** 2)), np.sqrt(np.mean((errors**2).sum(axis=1)))
+    noise_m = float(np.sqrt(2.0) * reference_sd_m)
+    return Reference(method, float(end_m), float(end_m / both_m), float(rms), float(rms_m), noise_m)
 
 
 OF_FILTERS_ALONE = {
@@ -289,6 +299,12 @@ def _reasons(evidence: Evidence) -> Iterator[tuple[str, str]]:
         )
     if reference is None:
         yield from _unconfirmed(evidence)
+    if not evidence.reckoned and (reference is None or not reference.near(evidence.way_m)):
+        few = f", {100.0 * evidence.partial:.0f} % of the pings have fewer than three,"
+        yield (
+            f"The beams fit the navigation{few * (evidence.partial > PARTIAL)} and nothing else confirms it.",
+            "Give an [attitude] for dead reckoning by pings of three beams, or positions as [gps].",
+        )
 
 
 def _unconfirmed(evidence: Evidence) -> Iterator[tuple[str, str]]:
@@ -302,11 +318,6 @@ def _unconfirmed(evidence: Evidence) -> Iterator[tuple[str, str]]:
         yield (
             "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same.",
             "Set attitude.yaw_offset_deg (0 for a true yaw) and take it out of assumed, or give a [reference].",
-        )
-    if not evidence.reckoned:
-        yield (
-            "The beams fit the navigation, and nothing else confirms it.",
-            "Give an [attitude] for dead reckoning, or positions as [reference].",
         )
 
 

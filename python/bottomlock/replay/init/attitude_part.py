@@ -13,6 +13,9 @@ from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess, angle_unit
 from bottomlock.replay.init.imu_part import ImuPart
 
+FRAMES = ("ned_frd", "enu_flu")
+TURNS, APART = 0.4, 0.1
+"""Correlation of the rates with the gyros' from which they decide, and by how much it exceeds that of the other."""
 NEAR = (0.5, 2.0)
 """Slopes of the rates over the gyros' from which the unit is right."""
 OFFSET_S = 0.1
@@ -46,7 +49,7 @@ class AttitudeMatch:
     @property
     def clear(self) -> bool:
         """Whether the rates decide."""
-        return self.correlation > 0.4 and self.correlation > self.other + 0.1
+        return self.correlation > TURNS and self.correlation > self.other + APART
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,23 @@ class AttitudePart:
         return Guess(self.match.frame, f"{why}, {self.match.other:.2f} in the other frames")
 
 
-def angles_of(found: Found) -> tuple[Floats, Guess]:
-    """(n, 3) roll, pitch, yaw, rad, of angles or quaternions, NaN where there is none, and the unit of the angles."""
+ORDERS = {"first": -1, "last": 0}
+"""Places of the scalar among four numbers, and what rolls them to x, y, z, w."""
+LEVEL_RAD = np.deg2rad(25.0)
+"""Median tilt against the accelerometers that is a vehicle's own; in the wrong order it follows the heading."""
+
+
+def angles_of(found: Found, imu: ImuPart | None = None, offset: Guess = NOTHING) -> tuple[Floats, Guess]:
+    """(n, 3) roll, pitch, yaw, rad, of angles or quaternions, NaN where there is none, and the unit of the angles.
+
+    Which of four numbered columns is the scalar is told by the gyros, else by gravity, of a vehicle that is about
+    level; where neither tells it, it is a question.
+
+    Args:
+        found: angles or a quaternion.
+        imu: to hold numbered columns against; None without one, whose vehicle is taken to be level.
+        offset: of the clock to the IMU's.
+    """
     if "q0" not in found.columns:
         angles = found.values("roll", "pitch", "yaw")
         unit = angle_unit(angles, found.units.get("yaw", ""))
@@ -97,9 +115,45 @@ def angles_of(found: Found) -> tuple[Floats, Guess]:
     q = found.values("q0", "q1", "q2", "q3")
     size = np.linalg.norm(q, axis=1)
     good = np.isfinite(size) & (size > 0.5)
-    rpy = np.full((len(q), 3), np.nan)
-    rpy[good] = Rotation.from_quat(np.roll(q[good], -1, axis=1)).as_euler("ZYX")[:, ::-1]
-    return rpy, Guess("rad", "")
+    rpy = np.full((len(ORDERS), len(q), 3), np.nan)
+    for k, turned in enumerate(ORDERS.values()):
+        rpy[k, good] = Rotation.from_quat(np.roll(q[good], turned, axis=1)).as_euler("ZYX")[:, ::-1]
+    if "numbered" not in found.extra:
+        return rpy[0], Guess("rad", "")
+    chosen, why, known = _scalar(found, rpy, imu, offset)
+    words = f"of the quaternion the {list(ORDERS)[chosen]} column is the scalar: {why}"
+    return rpy[chosen], Guess("rad", words, known=known)
+
+
+def _scalar(found: Found, rpy: Floats, imu: ImuPart | None, offset: Guess) -> tuple[int, str, bool]:
+    """Which of both orders (2, n, 3) it is, why, and whether that is known."""
+    times, down = found.times.time_ns, np.array([0.0, 0.0, 1.0])
+    if imu is not None and not imu.made and times is not None:
+        times = times + round(offset.value * 1e9)
+        matches = [match_attitude(times, one, imu.time_ns, imu.omega_p_radps) for one in rpy]
+        fits = [-1.0 if one is None else one.correlation for one in matches]
+        best = int(np.argmax(fits))
+        if fits[best] > TURNS and fits[best] > fits[1 - best] + APART:
+            return (
+                best,
+                f"so it turns with the gyros, correlation {fits[best]:.2f}, else {fits[1 - best]:.2f}",
+                True,
+            )
+        down = -imu.force_p_mps2.mean(axis=0)
+    tilts = np.array([_tilt(one[np.isfinite(one).all(axis=1)], down) for one in rpy])
+    best = int(np.argmin(tilts))
+    words = f"{np.rad2deg(tilts[best]):.0f} deg off gravity, else {np.rad2deg(tilts[1 - best]):.0f}"
+    if tilts[best] < LEVEL_RAD < tilts[1 - best]:
+        return best, f"so it is {words}", True
+    return 0, f"neither gyros nor gravity tell it ({words})", False
+
+
+def _tilt(rpy: Floats, down: Floats) -> float:
+    """Median angle between the vertical of an attitude (n, 3), in the better of both frames, and a direction, rad."""
+    attitudes = [platform_attitude(from_angles(*rpy.T), frame, np.zeros(3), 0.0) for frame in FRAMES]
+    size = max(float(np.linalg.norm(down)), 1e-9)
+    cosines = [float(np.median(one.inv().apply([0.0, 0.0, 1.0]) @ down)) / size for one in attitudes]
+    return float(np.arccos(np.clip(max(cosines), -1.0, 1.0)))
 
 
 def guess_attitude(found: Found, imu: ImuPart, offset: Guess) -> AttitudePart | None:
@@ -107,7 +161,7 @@ def guess_attitude(found: Found, imu: ImuPart, offset: Guess) -> AttitudePart | 
     times = found.times.time_ns
     if times is None:
         return None
-    rpy, unit = angles_of(found)
+    rpy, unit = angles_of(found, imu, offset)
     match = match_attitude(times + round(offset.value * 1e9), rpy, imu.time_ns, imu.omega_p_radps)
     if match is not None and match.clear:
         if not unit.known and match.slope < 0.1 and "q0" not in found.columns:
@@ -116,7 +170,7 @@ def guess_attitude(found: Found, imu: ImuPart, offset: Guess) -> AttitudePart | 
                 "deg", f"in radians its rates would be {times_as_large:.0f} times those of the gyros"
             )
             rpy = np.deg2rad(rpy)
-        elif not unit.known and NEAR[0] < match.slope < NEAR[1]:
+        elif not unit.known and "q0" not in found.columns and NEAR[0] < match.slope < NEAR[1]:
             why = f"{unit.why}, and its rates are {match.slope:.2f} times those of the gyros"
             unit = Guess(unit.value, why)
         if abs(match.offset_s) > OFFSET_S and found.times is not imu.found.times:
@@ -182,7 +236,7 @@ def match_attitude(
         inside = (moved[:-1] >= imu_time_ns[0]) & (moved[1:] <= imu_time_ns[-1])
         gyros.append((float(lag), inside, (between(moved) / steps_s)[inside]))
     by_frame = {}
-    for frame in ("ned_frd", "enu_flu"):
+    for frame in FRAMES:
         attitude = platform_attitude(from_angles(*rpy_rad.T), frame, np.zeros(3), 0.0)
         rate = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / steps_s
         # A quick jump is a wrap or a reset of the filter, not a turn.

@@ -147,13 +147,15 @@ def find_streams(table: AnyTable) -> list[Found]:
 
 _GROUPS = (
     names.FORCE, names.OMEGA, names.FIELD, names.VELOCITY_INCREMENT, names.ANGLE_INCREMENT, names.VELOCITY,
-    "quaternion",
+    names.QUATERNION, names.NUMBERED,
 )  # fmt: skip
+OFF_UNIT = 0.1
+"""Median departure of the norm of four numbered columns from 1, from which they are no quaternion."""
 
 
 def _triple(triples: dict[tuple[str, str], dict[int, str]], quantity: str) -> tuple[str, ...] | None:
     """The columns of a quantity: the first group with all components."""
-    wanted = 4 if quantity == "quaternion" else 3
+    wanted = 4 if quantity in {names.QUATERNION, names.NUMBERED} else 3
     for (what, _), columns in triples.items():
         if what != quantity or len(columns) < wanted:
             continue
@@ -184,11 +186,13 @@ def _imu(groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _
 def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: dict[str, str]) -> _Streams:
     found: _Streams = []
     angles: dict[str, str] = {part: single[part] for part in ("roll", "pitch", "yaw") if part in single}
-    quaternion = groups["quaternion"]
+    quaternion, numbered = groups[names.QUATERNION], groups[names.NUMBERED]
     if len(angles) == 3:
         found.append(("attitude", angles, {}))
     elif quaternion:
         found.append(("attitude", {f"q{k}": quaternion[k] for k in range(4)}, {}))
+    elif numbered and _is_unit(table, numbered):
+        found.append(("attitude", {f"q{k}": numbered[k] for k in range(4)}, {"numbered": numbered[0]}))
     ned = [single.get(f"velocity_{axis}") for axis in ("north", "east", "down")]
     beside = {f"ned{k}": name for k, name in enumerate(ned) if name} if all(ned) else {}
     velocity = groups[names.VELOCITY]
@@ -220,6 +224,12 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
     if field_:
         found.append(("field", {f"m{k}": field_[k] for k in range(3)}, {}))
     return found
+
+
+def _is_unit(table: AnyTable, columns: tuple[str, ...]) -> bool:
+    """Whether columns have the norm of a quaternion."""
+    size = np.linalg.norm([numbers(table.frame[name]) for name in columns], axis=0)
+    return bool(abs(float(np.nanmedian(size)) - 1.0) < OFF_UNIT)
 
 
 def table_times(table: AnyTable, kind: str) -> Times:

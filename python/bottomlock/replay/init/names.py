@@ -6,6 +6,9 @@ from dataclasses import dataclass
 FORCE, OMEGA, FIELD = "force", "omega", "field"
 VELOCITY_INCREMENT, ANGLE_INCREMENT = "velocity increment", "angle increment"
 VELOCITY = "velocity"
+QUATERNION, NUMBERED = "quaternion", "numbered quaternion"
+"""Of letters, w x y z, and of numbers, which say no order: 0 is the scalar in the literature, of 1 to 4 the first or
+the last."""
 
 _BASES = {
     FORCE: "acc accel accelerometer acceleration linearacceleration specificforce force f a",
@@ -49,12 +52,12 @@ _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec"
 _PREFIXES = ("field", "header", "imu", "ins", "ahrs", "gps", "sensor", "vehicle", "body", "nav", "raw", "ref",
              "truth", "odom", "pose", "twist", "attitude")  # fmt: skip
 _AXES = {"x": 0, "y": 1, "z": 2}
-_QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|rotation)(w|x|y|z|0|1|2|3)$")
+_QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|rotation)(w|x|y|z|[0-4])$")
 
 
 @dataclass(frozen=True)
 class Named:
-    """What a column's name says: quantity, component (of a quaternion 0 is w), unit as written."""
+    """What a column's name says: quantity, component (of a quaternion of letters 0 is w), unit as written."""
 
     quantity: str
     component: int = 0
@@ -149,8 +152,11 @@ def _by_tokens(tokens: list[str], unit: str) -> Named | None:
         return Named(_OF_WHOLE[whole], 0, unit)
     quaternion = _QUATERNION.match(whole)
     if quaternion:
+        letter = quaternion[1] in "wxyz"
         return Named(
-            "quaternion", "wxyz".find(quaternion[1]) if quaternion[1] in "wxyz" else int(quaternion[1]), unit
+            QUATERNION if letter else NUMBERED,
+            "wxyz".find(quaternion[1]) if letter else int(quaternion[1]),
+            unit,
         )
     if tokens[0] in _AXES and len(tokens) > 1:
         tokens = [*tokens[1:], tokens[0]]

@@ -152,10 +152,11 @@ def _with_axes(parts: Parts, turned: Rates | None) -> Parts:
         turned: rates of turn by an attitude that confirms the axes of the gyros; None without one.
     """
     dvl, attitude, before = parts.dvl, parts.attitude, parts.imu.axes
-    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
     omega = None if turned is None else turned.omega_p_radps
     left_handed = turned is None and not parts.imu.handed
     dvl, felt = _felt(dvl, recorded(parts.imu, dvl, omega), left_handed=left_handed)
+    # Of the velocity in the axes that it was found to have.
+    track = None if parts.attitude_of_reference else track_yaw(dvl, attitude, parts.reference)
     if track is not None and attitude is not None:
         attitude, track = true_or_magnetic(attitude, track, felt)
     of_vehicle = turned is None or dvl.recording is None

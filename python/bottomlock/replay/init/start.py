@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from bottomlock.replay.init.entries import Entry
+from bottomlock.replay.init.guess import round_up
 from bottomlock.replay.init.rig import Parts
 
 WINDOW_S, SHORT_WINDOW_S = 10.0, 2.0
@@ -50,11 +51,15 @@ def start(parts: Parts) -> Iterator[Entry]:
         why = "no ping there gives a whole velocity; the sigma below covers a vehicle under way"
         yield Entry("start.velocity_mps", [0.0, 0.0, 0.0], why, known=False)
     yield Entry("start.velocity_sd_mps", [0.1, 0.1, 0.1] if later.size else UNDER_WAY_MPS)
-    if parts.reference is not None:
+    down, reference = _depth_at(parts, at_s), parts.reference
+    if reference is not None:
+        sd_m, why = reference.sd_m, "that of the reference"
+        roles = reference.columns or {**reference.found.columns, **reference.found.extra}
+        down_sd_m = sd_m if {"height", "down"} & set(roles) else max(sd_m, round_up(abs(down)))
         yield Entry("start.position", "reference")
-        yield Entry("start.position_sd_m", [parts.reference.sd_m] * 3, "that of the reference")
+        why += ", which has no height: down by the depth at the start" * (down_sd_m > sd_m)
+        yield Entry("start.position_sd_m", [sd_m, sd_m, down_sd_m], why)
         return
-    down = _depth_at(parts, at_s)
     why = "where it starts is the origin" + ("; depth by its sensor" if down else "")
     yield Entry("start.position_m", [0.0, 0.0, round(down, 3)], why)
     yield Entry("start.position_sd_m", [1.0, 1.0, 0.5])
