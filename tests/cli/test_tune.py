@@ -81,14 +81,14 @@ def test_the_case_is_edited_key_by_key(folder: Path) -> None:
 def test_predictions_come_true_on_the_rest(folder: Path) -> None:
     """Beams over outages, one step ahead, and left out for a minute: error/σ about 1, and white, as not before."""
     record = json.loads((folder / "case_tuned.json").read_text(encoding="utf-8"))
-    for term in record["new"]["terms"]:
+    terms = [term for term in record["terms"] if term["values"] == "new"]
+    for term in terms:
         assert 0.7 < term["error_over_sd"] < 1.4, term
-    assert {(term["sensor"], term["horizon_s"]) for term in record["new"]["terms"]} == {
+    assert {(term["sensor"], term["horizon_s"]) for term in terms} == {
         ("attitude", 0.0), ("beams", 0.0), ("beams", 10.0), ("beams", 30.0),
         ("beam left out", 60.0),
     }  # fmt: skip
-    assert abs(record["new"]["autocorrelation"]) < 0.1 < abs(record["old"]["autocorrelation"])
-    assert 0.7 < record["new"]["left_out"] < 1.4
+    assert abs(record["autocorrelation"]["new"]) < 0.1 < abs(record["autocorrelation"]["old"])
 
 
 def test_nothing_is_overwritten(folder: Path) -> None:

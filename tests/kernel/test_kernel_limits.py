@@ -15,7 +15,6 @@ from bottomlock.config.scenario import load_scenario
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import ClosedLoop, KernelError, Method
 from bottomlock.replay.case import load_case
-from bottomlock.replay.tune.run import tune_case
 from tests.analytic import batch_along
 from tests.property import settings
 
@@ -184,15 +183,13 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
 
 
 def test_a_method_that_is_unknown_is_refused_where_it_is_named() -> None:
-    """In the scenario of a run, the case of a replay and a tuning, with the nearest name."""
+    """In the scenario of a run and the case of a replay, with the nearest name."""
     for place, call in (
         ("methods", load_scenario("straight").with_overrides),
         ("replay: methods", load_case(DIVE).with_methods),
     ):
         with pytest.raises(ScenarioError, match=rf"{place}: unknown method 'tcc', did you mean 'tc'"):
             call(methods=["tcc"])
-    with pytest.raises(ScenarioError, match=r"methods is tcc, did you mean 'tc'"):
-        tune_case(DIVE, methods=["tcc"])
 
 
 def test_arrays_of_many_dimensions_are_refused() -> None:

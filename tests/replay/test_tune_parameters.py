@@ -1,23 +1,16 @@
 """Which settings of a case can be tuned, where they begin, and the case with other values."""
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from bottomlock.errors import DataError, ScenarioError
-from bottomlock.kernel import KernelError
-from bottomlock.kernel.models import Options
-from bottomlock.recordings.streams import Floats
+from bottomlock.errors import ScenarioError
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
-from bottomlock.replay.tune.criterion import Criterion
 from bottomlock.replay.tune.parameters import noise_of, value_of, with_values
-from bottomlock.replay.tune.passes import Inputs, passes_of
 from bottomlock.replay.tune.run import tune_case
 from tests.replay import synthetic_dive
-from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, model, write_case
+from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, dive, write_case
 
 WALK = "imu.errors.accel_bias_walk_mps2_per_rt_s"
 SLOW = 'aids = "{aids}"\nyaw_walk_sd_deg = 1.5\n'
@@ -74,24 +67,6 @@ def test_a_case_with_other_values(case_path: Path) -> None:
     assert value_of(case, ACCEL_KEY) != 0.7
     gyro = ACCEL_KEY.replace("accel", "gyro").replace("mps", "deg")
     assert value_of(other, gyro) == value_of(case, gyro)
-
-
-def test_an_edge_beside_the_best_values_is_named() -> None:
-    """Where the kernel refuses the settings of a step, no derivative is made of the others."""
-    dived = dive(1, seconds=20.0)
-
-    def inputs(at: Floats) -> Inputs:
-        if at[1] > 1e-12:
-            raise KernelError("beyond the edge")
-        return Inputs(model(dived.noise), Options(gate="off", robust=None, imu_sampling="averaged"))
-
-    with ThreadPoolExecutor(1) as executor:
-        criterion = Criterion(
-            dived.geometry, dived.start, passes_of(dived.log, ()), inputs, np.zeros(2), executor
-        )
-        best = criterion.candidates([np.zeros(2)])[0]
-        with pytest.raises(DataError, match=r"where parameter 2 of 2 is \+0\.\d+ from its best value"):
-            criterion.slopes(best)
 
 
 def test_beams_made_from_a_velocity_are_refused(tmp_path: Path) -> None:

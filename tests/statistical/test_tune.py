@@ -4,19 +4,32 @@ import multiprocessing
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from bottomlock.kernel.models import Options
-from bottomlock.replay.tune.criterion import Criterion, Found, search, uncertainty
-from bottomlock.replay.tune.passes import Inputs, horizons_of, passes_of
-from tests.statistical.tune_logs import KINDS, Dive, dive, model
+from bottomlock.replay.case import load_case
+from bottomlock.replay.tune.criterion import Criterion
+from bottomlock.replay.tune.parameters import Parameter
+from bottomlock.replay.tune.passes import Recording, horizons_of
+from tests.statistical.tune_logs import KINDS, dive, write_case
 
-TUNED = ("accel_noise", "gyro_noise", "accel_walk", "gyro_walk", "beam_noise", "tilt", "yaw")
-OPTIONS = Options(gate="off", robust=None, imu_sampling="averaged")
+DEG = float(np.rad2deg(1.0))
+TUNED = {
+    "accel_noise": ("imu.errors.accel_noise_mps_per_rt_h", 60.0),
+    "gyro_noise": ("imu.errors.gyro_noise_deg_per_rt_h", 60.0 * DEG),
+    "accel_walk": ("imu.errors.accel_bias_walk_mps2_per_rt_s", 1.0),
+    "gyro_walk": ("imu.errors.gyro_bias_walk_deg_per_s_per_rt_s", DEG),
+    "beam_noise": ("dvl.beam_noise_mps", 1.0),
+    "tilt": ("attitude.roll_pitch_sd_deg", DEG),
+    "yaw": ("attitude.yaw_sd_deg", DEG),
+}
+"""Keys of the noise, and their units of the SI."""
 
 
 def each(of: Callable[[int], tuple[float, ...]], seeds: Sequence[int]) -> NDArray[np.float64]:
@@ -26,23 +39,6 @@ def each(of: Callable[[int], tuple[float, ...]], seeds: Sequence[int]) -> NDArra
         return np.array(list(pool.map(of, seeds)))
 
 
-def tuned(dived: Dive, begun: dict[str, float], names: tuple[str, ...] = TUNED) -> tuple[Criterion, Found]:
-    """The search over a simulated log from other noise on; the prior is about that noise."""
-    start = np.log([begun[name] for name in names])
-
-    def inputs(logs: NDArray[np.float64]) -> Inputs:
-        noise = begun | dict(zip(names, np.exp(logs), strict=True))
-        return Inputs(model(noise), OPTIONS, noise["beam_noise"] / dived.noise["beam_noise"])
-
-    times = dived.log["imu_time_ns"]
-    horizons = horizons_of(float(times[-1] - times[0]) * 1e-9)
-    with ThreadPoolExecutor(1) as executor:
-        criterion = Criterion(
-            dived.geometry, dived.start, passes_of(dived.log, horizons), inputs, start, executor
-        )
-        return criterion, search(criterion, [start])
-
-
 def errors_over_sd(seed: int) -> tuple[float, ...]:
     """Error of each logarithm over its claimed sigma; begun as a grade of instrument is off."""
     kind = KINDS[seed % len(KINDS)]
@@ -50,9 +46,16 @@ def errors_over_sd(seed: int) -> tuple[float, ...]:
     rng = np.random.default_rng(seed + 1000)
     factors = np.exp(rng.normal(0.0, 0.7, len(TUNED)))
     begun = dict(kind) | {name: kind[name] * factor for name, factor in zip(TUNED, factors, strict=True)}
-    criterion, found = tuned(dived, begun)
-    sd = uncertainty(criterion, found, 60.0)
-    return tuple((found.best.at - np.log([kind[name] for name in TUNED])) / sd)
+    noise = [
+        Parameter(key, begun[name] * unit, is_given=True, words=name) for name, (key, unit) in TUNED.items()
+    ]
+    with TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
+        read = Recording.read(load_case(write_case(Path(folder), dived)))
+        recording = replace(read, valid=np.ones_like(read.valid))
+        criterion = Criterion(recording, recording.passes(horizons_of(418.0)), noise, executor)
+        found = criterion.best([criterion.start], lambda _: None)
+    true = np.log([kind[name] * unit for name, (_, unit) in TUNED.items()])
+    return tuple((found.at - true) / criterion.uncertainty(found, 60.0))
 
 
 @pytest.mark.parametrize(

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, late_bar, narrow_table, say
-from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_threads, split
+from bottomlock.cli.parameters import Out, Threads, beside, check_case, check_threads
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from bottomlock.replay.tune.run import Judged, Term, Tuned, TunedParameter
+    from bottomlock.replay.tune.run import Tuned, TunedParameter
 
 
 def tune(
@@ -22,13 +20,6 @@ def tune(
     *,
     out: Out = None,
     fraction: float = 0.5,
-    methods: Annotated[
-        str,
-        Parameter(
-            alias="-m",
-            help="Methods whose predictions are scored, separated by commas, of tc, info, sway_current.",
-        ),
-    ] = "tc",
     threads: Threads = 0,
     force: Force = False,
 ) -> None:
@@ -40,8 +31,7 @@ def tune(
         fraction: Part of the recording, from its start, to estimate on; the rest judges.
     """
     from bottomlock.replay.case import load_case
-    from bottomlock.replay.tune.result import record_of, require_free, write_tuned
-    from bottomlock.replay.tune.run import tune_case
+    from bottomlock.replay.tune.run import record_of, require_free, tune_case, write_tuned
 
     check_case(case)
     check_threads(threads)
@@ -49,13 +39,12 @@ def tune(
     require_free(case, target, force=force)
     loaded = load_case(case)
     require_free(case, target, inputs=[Path(loaded.dvl.geometry), *loaded.files().values()], force=force)
-    names = tuple(split(methods) or ())
     with late_bar("tuning") as update:
 
-        def report(iteration: int, passes: int) -> None:
-            update(description=f"tuning, iteration {iteration}: {passes} passes")
+        def report(done: float, passes: int) -> None:
+            update(completed=done, total=1.0, description=f"tuning, {passes} passes")
 
-        tuned = tune_case(loaded, fraction=fraction, methods=names, threads=threads, progress=report)
+        tuned = tune_case(loaded, fraction=fraction, threads=threads, progress=report)
     write_tuned(case, tuned, target, force=force)
     print_tuned(tuned)
     say(f"{tuned.wall_s:.1f} s, {tuned.passes} passes; wrote {target} and {record_of(target)}")
@@ -66,16 +55,21 @@ def print_tuned(tuned: Tuned) -> None:
     from bottomlock.replay.tune.passes import LEFT_OUT
 
     title = f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}"
-    rows = map(_row, tuned.parameters)
-    console.print(narrow_table(title, ["setting", "old", "new", "± 1σ", "gain"], rows))
+    console.print(narrow_table(title, ["setting", "old", "new", "± 1σ", "gain"], map(_row, tuned.parameters)))
     judged = []
-    for old, new in _pairs(tuned):
-        term = new or old
-        assert term is not None
-        after = "a step" if term.horizon_s == 0.0 else f"{term.horizon_s:g} s"
-        after = f"up to {after}" if term.sensor == LEFT_OUT else after
-        numbers = (_of(its, name) for name in ("error_over_sd", "score") for its in (old, new))
-        judged.append([term.sensor, after, str(term.count), *numbers])
+    by_term: dict[tuple[str, float], dict[str, dict[str, float]]] = {}
+    for term in tuned.terms:
+        by_term.setdefault((term["sensor"], term["horizon_s"]), {})[term["values"]] = term
+    for (sensor, horizon_s), of in sorted(by_term.items()):
+        after = "a step" if horizon_s == 0.0 else f"{horizon_s:g} s"
+        after = f"up to {after}" if sensor == LEFT_OUT else after
+        numbers = [
+            f"{sign * of[name][column]:.2f}" if name in of else "–"
+            for column, sign in (("error_over_sd", 1.0), ("score", -1.0))
+            for name in ("old", "new")
+        ]
+        count = max(term["count"] for term in of.values())
+        judged.append([sensor, after, str(count), *numbers])
     title = "on the rest: error/σ and mean log-likelihood a row"
     columns = ["measurement", "after", "number", "error/σ old", "new", "log-lik. old", "new"]
     console.print(narrow_table(title, columns, judged))
@@ -92,39 +86,15 @@ def _row(parameter: TunedParameter) -> tuple[str | Text, ...]:
     return parameter.words, old, f"{parameter.value:.3g}", f"{parameter.sd:.2g}", f"{parameter.gain:.3g}"
 
 
-def _pairs(tuned: Tuned) -> list[tuple[Term | None, Term | None]]:
-    by_term = [
-        {(term.sensor, term.horizon_s): term for term in _terms(judged)} for judged in (tuned.old, tuned.new)
-    ]
-    keys = sorted({*by_term[0], *by_term[1]})
-    return [(by_term[0].get(key), by_term[1].get(key)) for key in keys]
-
-
-def _terms(judged: Judged | None) -> tuple[Term, ...]:
-    return () if judged is None else judged.terms
-
-
-def _of(term: Term | None, name: str) -> str:
-    if term is None:
-        return "–"
-    value = getattr(term, name)
-    return f"{-value if name == 'score' else value:.2f}"
-
-
 def sentences(tuned: Tuned) -> list[str]:
     """The verdicts, a sentence a line."""
-    from bottomlock.replay.tune.run import SUM_S
-
     lines = []
-    for name, judged in (("old", tuned.old), ("new", tuned.new)):
-        if judged is None:
-            lines.append(f"{name} values: the filter ends in an error")
-            continue
-        measures = [
-            f"innovations of the beams correlate by {judged.autocorrelation:.2f} with their neighbours (0 if white)",
-            f"mean square of their sums over {SUM_S:g} s {judged.sums:.2f} (1 if white)",
-        ]
-        lines.append(f"{name} values: " + "; ".join(measures))
+    for name, correlation in tuned.autocorrelation.items():
+        lines.append(
+            f"{name} values: innovations of the beams correlate by {correlation:.2f} with their neighbours (0 if white)"
+            if any(term["values"] == name for term in tuned.terms)
+            else f"{name} values: the filter ends in an error"
+        )
     outliers, beams = tuned.outliers
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
     if not tuned.has_settled:

@@ -1,78 +1,32 @@
 """Tunes a case: estimated on the first part of its recording, judged on the rest (docs/tune.md)."""
 
+import hashlib
 import os
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 
-from bottomlock.errors import DataError, ScenarioError
-from bottomlock.own_method import known_names
-from bottomlock.recordings.streams import Floats
-from bottomlock.replay.case import Case, load_case
-from bottomlock.replay.tune.criterion import (
-    TERM,
-    WORST,
-    Candidate,
-    Criterion,
-    Found,
-    block_sums,
-    search,
-    uncertainty,
-    white_residuals,
-)
-from bottomlock.replay.tune.parameters import PRIOR_SD, Parameter, coordinates_of
-from bottomlock.replay.tune.passes import (
-    LEFT_OUT,
-    LOST_S,
-    MEASURED,
-    METHODS,
-    RECOVERY_S,
-    Group,
-    Inputs,
-    cut,
-    horizons_of,
-    passes_of,
-    read_recording,
-    without_outliers,
-)
-from bottomlock.text import did_you_mean
-
-SUM_S = 30.0
-"""Span of the sums of innovations that are tested for whiteness."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """A sensor and a horizon: innovations, mean score a row, and error over claimed σ."""
-
-    sensor: str
-    horizon_s: float
-    count: int
-    score: float
-    error_over_sd: float
-
-
-@dataclass(frozen=True)
-class Judged:
-    """What the held-out part says of a candidate.
-
-    Attributes:
-        terms: by sensor and horizon.
-        autocorrelation: of neighbouring whitened innovations of the beams; 0 if they are white.
-        sums: mean square of their normalised sums over `SUM_S`; 1 if they are white.
-        left_out: error over claimed σ of a beam that was left out for up to a minute; NaN without a beam to spare.
-    """
-
-    terms: tuple[Term, ...]
-    autocorrelation: float
-    sums: float
-    left_out: float
-
+from bottomlock import kernel
+from bottomlock.config.toml_edit import edited
+from bottomlock.config.toml_file import read_text
+from bottomlock.errors import DataError, OutputError, ScenarioError
+from bottomlock.files.atomic_write import plain, write_text
+from bottomlock.files.overwriting import check_apart, check_free
+from bottomlock.files.records import write_record
+from bottomlock.files.versions import library_versions
+from bottomlock.io.beams import geometry_text
+from bottomlock.replay.case import Case, load_case, parse_case
+from bottomlock.replay.run import file_digests
+from bottomlock.replay.tune.criterion import FAILED, SETTLED, TERM, Criterion, Innovations, block_sums
+from bottomlock.replay.tune.parameters import INERTIAL_NOISE, PRIOR_SD, Parameter
+from bottomlock.replay.tune.passes import RECOVERY_S, Pass, Recording, horizons_of
 
 START_FACTORS = (1.0, 5.0, 25.0, 0.2)
 """Factors on the inertial noise of the case from which the search may start; the best of them does."""
@@ -80,6 +34,7 @@ DETERMINED = 0.5
 """Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
 GAIN_SIGMAS = 2.0
 """Gain on the rest, in its 1 sigma, from which on new values are better by more than chance."""
+Progress = Callable[[float, int], None]
 
 
 @dataclass(frozen=True)
@@ -103,36 +58,47 @@ class TunedParameter:
     is_determined: bool
     gain: float
 
+    @classmethod
+    def of(cls, one: Parameter, value: float, log_sd: float, gain: float) -> "TunedParameter":
+        """What was found of a parameter: nothing where its logarithm is not determined."""
+        old = one.start if one.is_given else 0.0
+        if log_sd < DETERMINED * PRIOR_SD:
+            return cls(one.key, one.words, old, value, log_sd * value, is_determined=True, gain=gain)
+        return cls(one.key, one.words, old, old, one.start * PRIOR_SD, is_determined=False, gain=0.0)
 
-@dataclass(frozen=True)
+    @property
+    def remark(self) -> str:
+        """The comment beside the tuned value."""
+        old = f"{self.old:.3g}" if self.old != 0.0 else "none"
+        return f"tuned: ± {self.sd:.2g} (1 sigma), was {old}, log-likelihood gain {self.gain:.3g}"
+
+
+@dataclass(frozen=True, eq=False)
 class Tuned:
     """What `tune_case` found.
 
     Attributes:
         case: as it was read.
         parameters: that were tuned.
-        horizons_s: of the predictions, after the one step.
         fraction: of the recording that they were estimated on.
-        methods: whose predictions were scored.
         outliers: beams left out of the comparison, and all of them.
-        old, new: what the rest of the recording says of old and new values; None where the filter failed.
+        terms: what the rest of the recording says, by values (old or new), sensor and horizon_s: count, error_over_sd,
+            and score, the mean negative log-likelihood of a row. Nothing of values with which the filter failed.
+        autocorrelation: of neighbouring whitened innovations of the beams there, with old and new values; 0 if white.
         gain, gain_sd: of the composite log-likelihood there.
         has_settled: whether the search came to its end.
-        iterations, passes, wall_s: what it took.
+        passes, wall_s: what it took.
     """
 
     case: Case
     parameters: tuple[TunedParameter, ...]
-    horizons_s: tuple[float, ...]
     fraction: float
-    methods: tuple[str, ...]
     outliers: tuple[int, int]
-    old: Judged | None
-    new: Judged | None
+    terms: list[dict[str, Any]]
+    autocorrelation: dict[str, float]
     gain: float
     gain_sd: float
     has_settled: bool
-    iterations: int
     passes: int
     wall_s: float
 
@@ -142,43 +108,50 @@ class Tuned:
         return self.gain > (GAIN_SIGMAS * self.gain_sd if np.isfinite(self.gain_sd) else 0.0)
 
     @property
-    def values(self) -> dict[str, float]:
+    def written(self) -> dict[str, TunedParameter]:
         """The new values by their keys; none where they are not better on the rest."""
-        return {one.key: one.value for one in self.parameters if one.is_determined and self.is_better}
+        return {one.key: one for one in self.parameters if one.is_determined and self.is_better}
+
+    def record(self) -> dict[str, Any]:
+        """What was tuned, by versions, case and files with their SHA-256, and what was found, as JSON holds it."""
+        tuned = {name: value for name, value in vars(self).items() if name != "case"} | {
+            "status": "complete",
+            "kind": "tune",
+            "version": kernel.kernel_version(),
+            "versions": library_versions(),
+            "case": self.case.name,
+            "configuration_hash": self.case.content_hash(),
+            "files": file_digests(self.case),
+            "dvl_file": hashlib.sha256(geometry_text(self.case.dvl.geometry).encode()).hexdigest(),
+            "is_better": self.is_better,
+            "parameters": [vars(one) | {"is_written": one.key in self.written} for one in self.parameters],
+        }
+        return dict(plain(tuned))
 
 
 def tune_case(
     path: str | Path | Case,
     *,
     fraction: float = 0.5,
-    methods: Sequence[str] = METHODS,
     threads: int = 0,
-    progress: Callable[[int, int], None] = lambda *_: None,
+    progress: Progress = lambda *_: None,
 ) -> Tuned:
     """Tunes a case by the likelihood of its recording; the result does not depend on the threads.
 
     Args:
         path: the case's file, or a case.
         fraction: of the recording, from its start, that is estimated on; the rest judges.
-        methods: whose predictions are scored, of `MEASURED`.
         threads: their number, 0 for one per core.
-        progress: called after each iteration with its number and that of the passes over the recording.
+        progress: called after each iteration with the part that is done and the number of passes over the recording.
 
     Raises:
-        ScenarioError: for a case that is not valid or has beams made from a velocity, a fraction outside 0.2 to 0.8,
-            and methods that predict no measurement.
+        ScenarioError: for a case that is not valid or has beams made from a velocity, and a fraction outside 0.2 to
+            0.8.
         DataError: as `read_streams`, for a recording that is too short, and where the filter fails with every noise.
     """
     if not 0.2 <= fraction <= 0.8:
         raise ScenarioError(
             f"fraction is {fraction:g}", expected="0.2 to 0.8: the rest of the recording judges"
-        )
-    if not methods or len(set(methods)) < len(methods) or not set(methods) <= set(MEASURED):
-        unknown = [one for one in methods if one not in known_names()]
-        hint = (did_you_mean(unknown[0], MEASURED) if unknown else "") or ","
-        raise ScenarioError(
-            f"methods is {', '.join(methods) or 'empty'}{hint} expected some of {', '.join(MEASURED)}, each once: the "
-            "others predict a velocity that they assume"
         )
     started = time.perf_counter()
     case = path if isinstance(path, Case) else load_case(path)
@@ -187,141 +160,137 @@ def tune_case(
             f'is "{case.dvl.source}"', place=f"case {case.name}", key="dvl.source", expected='"beams"',
             hint="beams made from a velocity close exactly, so they show no noise of a beam",
         )  # fmt: skip
-    given = read_recording(case)
-    times = given.log["imu_time_ns"]
-    split_ns = int(times[0] + fraction * (times[-1] - times[0]))
-    part_s = (split_ns - int(times[0])) * 1e-9
-    horizons = horizons_of(part_s)
+    recording = Recording.read(case)
+    start_ns, end_ns = recording.prepared.alignment.time_ns, recording.prepared.streams.inertial.time_ns[-1]
+    part_s = fraction * (end_ns - start_ns) * 1e-9
+    split_ns, horizons = int(start_ns + part_s * 1e9), horizons_of(part_s)
     if not horizons:
         raise DataError(
             f"the first {fraction:.0%} of the recording last {part_s:.0f} s",
             expected="80 s or more to tune on",
         )
-    recording = replace(given, log=without_outliers(given))
-    block_s = horizons[-1] + RECOVERY_S
+    block_s, first = horizons[-1] + RECOVERY_S, recording.until(split_ns)
     with ThreadPoolExecutor(threads or os.cpu_count()) as executor:
-
-        def criterion(
-            inputs: Callable[[Floats], Inputs], prior: Floats, to_ns: int, from_ns: int
-        ) -> Criterion:
-            passes = passes_of(cut(recording.log, to_ns), horizons, recording.readings)
-            return Criterion(
-                recording.geometry, recording.start, passes, inputs, prior, executor, from_ns, tuple(methods)
-            )
-
-        def estimate(noise: Sequence[Parameter], starts: Sequence[Floats]) -> _Estimate:
-            keys = [one.key for one in noise]
-            own = criterion(
-                lambda at: recording.inputs(dict(zip(keys, np.exp(at).tolist(), strict=True))),
-                coordinates_of(noise), split_ns, 0,
-            )  # fmt: skip
-            return _Estimate(noise, own, search(own, starts, lambda k: progress(k, own.flown)), block_s)
-
-        found = estimate(recording.noise, _starts(recording.noise))
-        parameters, flown = found.parameters(DETERMINED * PRIOR_SD), found.criterion.flown
-        kept = [k for k, one in enumerate(parameters) if one.is_determined]
-        if 0 < len(kept) < len(parameters):
-            # What the recording does not determine stays as it is, and the rest is found beside that.
-            found = estimate([recording.noise[k] for k in kept], [found.found.best.at[kept]])
-            for k, one in zip(kept, found.parameters(np.inf), strict=True):
-                parameters[k] = one
-            flown += found.criterion.flown
-        both = [{}, {one.key: one.value for one in parameters if one.is_determined}]
-        rest = criterion(lambda at: recording.inputs(both[int(at[0])]), np.zeros(1), int(times[-1]), split_ns)
-        old, new = rest.candidates([np.array([place]) for place in (0.0, 1.0)])
+        tuned, has_settled, flown = _estimate(first, first.passes(horizons), executor, block_s, progress)
+        rest = Criterion(recording, recording.passes(horizons), (), executor, split_ns, flown)
+        values = {one.key: one.value for one in tuned.values() if one.is_determined}
+        old, new = rest.innovations([{}, values])
     gain, gain_sd = gain_of(rest, old, new, block_s)
-    valid = given.log["beam_valid"]
+    valid, both = recording.prepared.streams.beams.valid[recording.prepared.pings], {"old": old, "new": new}
     return Tuned(
         case=case,
-        parameters=tuple(parameters),
-        horizons_s=horizons,
+        parameters=tuple(tuned[one.key] for one in recording.noise),
         fraction=fraction,
-        methods=tuple(methods),
-        outliers=(int((valid & ~recording.log["beam_valid"]).sum()), int(valid.sum())),
-        old=judged(old, horizons),
-        new=judged(new, horizons),
+        outliers=(int((valid & ~recording.valid).sum()), int(valid.sum())),
+        terms=[{"values": name} | term for name, one in both.items() for term in terms_of(one)],
+        autocorrelation={name: autocorrelation(one) for name, one in both.items()},
         gain=gain,
         gain_sd=gain_sd,
-        has_settled=found.found.has_settled,
-        iterations=found.found.iterations,
-        passes=flown + rest.flown,
+        has_settled=has_settled,
+        passes=rest.flown,
         wall_s=time.perf_counter() - started,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Estimate:
-    """Settings, the criterion of the part that they are estimated on, what was found, and the length of its blocks."""
+def _estimate(
+    recording: Recording, passes: Sequence[Pass], executor: Executor, block_s: float, progress: Progress
+) -> tuple[dict[str, TunedParameter], bool, int]:
+    """What was found of each setting by its key, whether the search came to its end, and the number of passes.
 
-    noise: Sequence[Parameter]
-    criterion: Criterion
-    found: Found
-    block_s: float
-
-    def parameters(self, most_sd: float) -> list[TunedParameter]:
-        """What was found of each; beyond `most_sd` of its logarithm it keeps its value, with the sigma of its prior.
-
-        A gain is that of the new value against the one that the search began with, with the others as new.
-        """
-        best = self.found.best
-        before = np.tile(best.at, (len(self.noise), 1))
-        np.fill_diagonal(before, self.criterion.prior)
-        gains = [one.value - best.value for one in self.criterion.candidates(list(before))]
-        sds = uncertainty(self.criterion, self.found, self.block_s).tolist()
-        return [
-            TunedParameter(one.key, one.words, one.old, value, sd * value, is_determined=True, gain=gain)
-            if sd < most_sd else
-            TunedParameter(one.key, one.words, one.old, one.old, one.start * PRIOR_SD, is_determined=False, gain=0.0)
-            for one, value, sd, gain in zip(self.noise, np.exp(best.at).tolist(), sds, gains, strict=True)
-        ]  # fmt: skip
-
-
-def _starts(parameters: Sequence[Parameter]) -> list[Floats]:
-    """Where the search may start: at the case's values, and at multiples of its inertial noise."""
-    noise = [one for one in parameters if one.is_inertial_noise]
-    return [
-        coordinates_of(parameters, {one.key: one.start * factor for one in noise}) for factor in START_FACTORS
-    ]
+    What the recording does not determine stays as it is, and the rest is found beside that.
+    """
+    tuned: dict[str, TunedParameter] = {}
+    noise, has_settled, flown, left = recording.noise, True, 0, 1.0
+    factors = np.array([one.key in INERTIAL_NOISE for one in noise])
+    starts = [np.log([one.start for one in noise]) + factors * np.log(factor) for factor in START_FACTORS]
+    while noise:
+        criterion = Criterion(recording, passes, noise, executor, flown=flown)
+        found = criterion.best(starts, partial(_report, progress, criterion, left))
+        before = np.tile(found.at, (len(noise), 1))
+        np.fill_diagonal(before, criterion.start)
+        gains = [value - found.value for value, _ in criterion.at(list(before))]
+        sds = criterion.uncertainty(found, block_s).tolist()
+        for one, *numbers in zip(noise, np.exp(found.at).tolist(), sds, gains, strict=True):
+            tuned[one.key] = TunedParameter.of(one, *numbers)
+        has_settled, flown, left = found.gain_left < SETTLED, criterion.flown, 0.5 * left
+        kept = [k for k, one in enumerate(noise) if tuned[one.key].is_determined]
+        starts = [found.at[kept]]
+        noise = tuple(noise[k] for k in kept) if len(kept) < len(noise) else ()
+    return tuned, has_settled, flown
 
 
-def judged(candidate: Candidate, horizons_s: Sequence[float]) -> Judged | None:
-    """The judgement of a candidate; None where its filter ended in an error."""
-    if candidate.scores is None:
-        return None
-    per_row = {name: pl.col(name).sum() / pl.col("rows").sum() for name in ("value", "nis")}
-    table = candidate.scores.group_by(TERM).agg(pl.len(), per_row["value"], per_row["nis"].sqrt()).sort(TERM)
-    terms = [
-        Term(sensor, LOST_S if sensor == LEFT_OUT else (0.0, *horizons_s)[horizon], *numbers)
-        for sensor, horizon, *numbers in table.iter_rows()
-    ]
-    steps = [group for group in candidate.groups if group.sensor == "beams" and not group.horizon.any()]
-    whiteness = _whiteness(max(steps, key=lambda group: len(group.time_ns))) if steps else (np.nan, np.nan)
-    left_out = next((term.error_over_sd for term in terms if term.sensor == LEFT_OUT), np.nan)
-    return Judged(tuple(terms), *whiteness, left_out)
+def _report(progress: Progress, criterion: Criterion, left: float, done: float) -> None:
+    """Progress of a search, in what those before it have left; each may be followed by another."""
+    progress(1.0 - left * (1.0 - 0.5 * done), criterion.flown)
 
 
-def _whiteness(group: Group) -> tuple[float, float]:
-    """Correlation of neighbours, and the mean square of normalised sums over a span of time."""
-    white = white_residuals(group)
-    if len(white) < 3:
-        return np.nan, np.nan
-    neighbours = float((white[1:] * white[:-1]).mean() / (white**2).mean())
-    block = ((group.time_ns - group.time_ns[0]) * 1e-9 // SUM_S).astype(np.intp)
-    counts = np.bincount(block)
-    sums = np.zeros((len(counts), white.shape[1]))
-    np.add.at(sums, block, white)
-    full = counts >= max(2, int(0.5 * np.median(counts)))
-    return neighbours, float((sums[full] ** 2 / counts[full, None]).mean())
+def terms_of(innovations: Innovations | None) -> list[dict[str, Any]]:
+    """The terms of a candidate, a row a sensor and horizon; none where its filter ended in an error."""
+    if innovations is None:
+        return []
+    value, nis = (pl.col(name).sum() / pl.col("rows").sum() for name in ("value", "nis"))
+    terms = innovations.table.group_by(TERM).agg(count=pl.len(), error_over_sd=nis.sqrt(), score=value)
+    return terms.sort(TERM).to_dicts()
 
 
-def gain_of(criterion: Criterion, old: Candidate, new: Candidate, block_s: float) -> tuple[float, float]:
+def autocorrelation(innovations: Innovations | None) -> float:
+    """Correlation of neighbouring whitened innovations of the beams, one step ahead; NaN without any."""
+    if innovations is None:
+        return np.nan
+    is_step = (pl.col("sensor") == "beams") & (pl.col("horizon_s") == 0.0)
+    white = innovations.white[innovations.table.select(is_step).to_series().to_numpy()]
+    return float((white[1:] * white[:-1]).sum() / (white**2).sum()) if len(white) > 2 else np.nan
+
+
+def gain_of(
+    criterion: Criterion, old: Innovations | None, new: Innovations | None, block_s: float
+) -> tuple[float, float]:
     """Gain of the composite log-likelihood and its 1 sigma, from blocks of the recording.
 
     A filter that ended in an error has lost.
     """
-    if old.scores is None or new.scores is None:
-        return (WORST if old.scores is None else -WORST), 0.0
-    gain = criterion.weights * (old.scores["value"] - new.scores["value"]).to_numpy()
-    sums = block_sums(new.scores, gain, block_s)
-    sd = float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else float("nan")
-    return float(gain.sum()), sd
+    if old is None or new is None:
+        return (FAILED if old is None else -FAILED), 0.0
+    gain = criterion.weights * (old.table["value"] - new.table["value"]).to_numpy()
+    sums = block_sums(new.table, gain, block_s)
+    return float(gain.sum()), float(np.sqrt(len(sums)) * sums.std(ddof=1)) if len(sums) > 1 else np.nan
+
+
+def record_of(out: Path) -> Path:
+    """The record beside a tuned case."""
+    return out.with_suffix(".json")
+
+
+def require_free(path: Path, out: Path, *, inputs: Iterable[Path] = (), force: bool) -> None:
+    """Checks where the tuned case is to go.
+
+    Raises:
+        OutputError: for a name that is not that of a TOML file, the case itself or one of the files it reads, another
+            folder, and a file that is there already without `force`.
+    """
+    if out.suffix.lower() != ".toml":
+        raise OutputError(place=out, expected="a name that ends in .toml, the tuned case to write")
+    if out.parent.resolve() != path.parent.resolve():
+        raise OutputError(
+            f"the case names its files relative to {path.parent}",
+            place=out,
+            hint="write the tuned case into the same folder",
+        )
+    check_apart([record_of(out)], [path, *inputs])
+    check_free(out, inputs=[path, *inputs], force=force)
+
+
+def write_tuned(path: Path, tuned: Tuned, out: Path, *, force: bool = False) -> None:
+    """Writes the tuned case, with its ends of lines, and beside it the record of how it was found.
+
+    Raises:
+        OutputError: as `require_free`, or where a file cannot be written.
+        ScenarioError: for a key that is not on a line of its own.
+    """
+    require_free(path, out, force=force)
+    values = {key: float(f"{one.value:.4g}") for key, one in tuned.written.items()}
+    remarks = {key: one.remark for key, one in tuned.written.items()}
+    text = edited(read_text(path), values, remarks, place=str(path))
+    parse_case(text, place=str(path), folder=path.parent)
+    text = text.replace("\n", "\r\n") if b"\r\n" in path.read_bytes() else text
+    write_record(record_of(out), tuned.record(), {out.name: write_text(out, text)})
