@@ -352,6 +352,7 @@ FAULTS: dict[str, Fault] = {
     "frozen depth": changed("depth", depth_m=during("depth_m", 40.0, np.inf, pl.lit(3.1))),
     "depth jumps": changed("depth", depth_m=during("depth_m", 60.0, np.inf, pl.col("depth_m") + 2.0)),
     "depth drifts": changed("depth", depth_m=pl.col("depth_m") + 2.0 * (pl.col("time_s") - EPOCH_S) / 150.0),
+    "beam 1 dead": changed("beams", beam1_mps=pl.lit(None, dtype=pl.Float64)),
     "beams 1 and 2 dead": changed("beams", beam1_mps=pl.lit(np.nan), beam2_mps=pl.lit(np.nan)),
     "compass jumps": changed(
         "ahrs", heading_deg=during("heading_deg", 80.0, 140.0, (pl.col("heading_deg") + 25.0) % WHOLE_SPHERE)

@@ -214,6 +214,7 @@ def _mistakes() -> Iterator[Row]:
     yield mistake("velocities 8 % too large, gps", velocity + " gps", "velocities 8 % too large")
     mirrored, dead = "velocity forward, left, down", "beams 1 and 2 dead"
     yield mistake(f"{mirrored}, gps", velocity + " gps", mirrored)
+    yield mistake("beam 1 dead, table", "imu beams depth ahrs", "beam 1 dead")
     yield mistake(f"{dead}, gps", "imu waterlinked-json depth ahrs gps", dead, seed=5)
     swapped = "latitude and longitude exchanged"
     yield mistake(swapped, velocity + " gps", swapped)

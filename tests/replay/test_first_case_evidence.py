@@ -16,12 +16,12 @@ from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
-from bottomlock.recordings.streams import Inertial
+from bottomlock.recordings.streams import Attitudes, Inertial
 from bottomlock.recordings.track_fit import fit_track
 from bottomlock.replay.case import Case, WhatIf, load_case
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.motion.gyros import match_gyros, turns_of
+from bottomlock.replay.motion.gyros import compare_gyros, match_gyros
 from bottomlock.replay.motion.pings import beam_noise, ping_noise, ping_velocity, tilt_of_noise
 from bottomlock.replay.run import replay_case
 from tests import recorded_dives
@@ -108,14 +108,22 @@ def made(folder: Path, files: dict[str, Path]) -> tuple[Case, str]:
     return load_case(folder / "case.toml"), (folder / "case.toml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("factor", [1.0, 180.0 / np.pi, 648_000.0 / np.pi])
+DEG = 180.0 / np.pi
+
+
+@pytest.mark.parametrize("factor", [1.0, DEG, 3600.0 * DEG])
 def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
     """A slope of 1 is rad/s; an offset of 2,400 deg/h and noise do not change it."""
-    found = turns_of(ns(dive.imu_s), factor * noisy(dive, 0.0, 0.002)[1], *attitude(dive))
+    rates = factor * noisy(dive, 0.0, 0.002)[1]
+    found = compare_gyros(Inertial(ns(dive.imu_s), dive.force, rates), Attitudes(*attitude(dive)))
     assert found is not None
-    slope, correlation = found.slope()
-    assert slope == pytest.approx(factor, rel=0.03)
-    assert correlation > 0.9
+    assert found.slope == pytest.approx(factor, rel=0.03)
+    assert abs(found.slope - factor) < 5.0 * found.slope_sd < 0.1 * factor
+    assert found.correlation > 0.9
+    told = found.unit("rad/s")
+    assert told is not None
+    assert told[0] == {1.0: "rad/s", DEG: "deg/s", 3600.0 * DEG: "deg/h"}[factor]
+    assert told[1] == pytest.approx(1.0, rel=0.03)
 
 
 @pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.07, 0.005), (0.15, 0.01)])

@@ -36,6 +36,7 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: velocity forward, left, down", "partly"),
         ("right: q0 to q3, scalar last", "partly"),
         ("right: q1 to q4, scalar first", "partly"),
+        ("mistake: beam 1 dead, table", "partly"),
         ("mistake: beams 1 and 2 dead, gps", "partly"),
         ("case: 07 depth drifts, gps", "partly"),
         ("mistake: velocity forward, left, down, gps", "yes"),

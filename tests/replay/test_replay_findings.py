@@ -66,15 +66,19 @@ def test_a_right_case_has_no_cause(seed: int, tmp_path: Path) -> None:
     assert "dead reckoning" in answer["numbers"][1]
 
 
-def test_a_dive_at_a_constant_depth_says_nothing_of_the_depth_sensor(tmp_path: Path) -> None:
-    """Noisy beams and a vehicle that hardly sinks: the distance sunk is noise, and no slope of the depth over it."""
+@pytest.mark.parametrize("stuck", [False, True])
+def test_a_dive_that_hardly_sinks_and_a_depth_that_stands_still(tmp_path: Path, stuck: bool) -> None:
+    """Noisy beams, and 0.1 m sunk in a segment: a right depth follows, a stuck one does not, whatever way was gone."""
     dive = drawn_dive(31, lively=0.1, beam_sd=0.03)
     path = write_case(dive, tmp_path)
     path.write_text(
         path.read_text().replace("beam_noise_mps = 0.008", "beam_noise_mps = 0.03"), encoding="utf-8"
     )
+    if stuck:
+        noise = pl.Series(0.02 * np.random.default_rng(1).normal(size=len(dive.slow_s)))
+        table("depth", depth_m=pl.lit(3.0 + noise))(tmp_path)
     kinds = {one["kind"] for one in replay_case(load_case(path)).manifest["findings"]}
-    assert not kinds & {"depth_scale", "depth_sign"}
+    assert kinds & {"depth_scale", "depth_sign", "depth_drift"} == ({"depth_scale"} if stuck else set())
 
 
 PAIRS = (

@@ -22,7 +22,7 @@ from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay import compare, rerun
 from bottomlock.replay.calibration import calibration_table
 from bottomlock.replay.case import Case, WhatIf
-from bottomlock.replay.findings.attitude_checks import attitude_findings, attitude_turns, start_words
+from bottomlock.replay.findings.attitude_checks import attitude_findings, gyro_fit, start_words
 from bottomlock.replay.findings.checks import closure_words
 from bottomlock.replay.findings.diagnose import diagnose
 from bottomlock.replay.findings.sensors import SensorRow, sensor_rows
@@ -122,7 +122,7 @@ def _flown(case: Case, prepared: rerun.PreparedRun, what_if: WhatIf | None, thre
     try:
         return rerun.run_methods(case, prepared, what_if, threads=threads)
     except KernelError as error:
-        causes = attitude_findings(case, attitude_turns(case, prepared))
+        causes = attitude_findings(case, gyro_fit(case, prepared))
         if not causes:
             raise
         raise DataError(f"{error}. {causes[0].text} {causes[0].evidence} {causes[0].hint}") from error

@@ -1,8 +1,4 @@
-"""The recorded attitude against the gyros and the accelerometers: unit of the gyros, mounting of the instrument.
-
-Both turn over each second, and both show gravity over some seconds, in platform axes. One rotation from the attitude's
-axes to the IMU's fits all of that (Kabsch 1976); the ratio of the turns is the unit.
-"""
+"""The recorded attitude against the IMU, unit of the gyros and mounting; and what the log says of the heading."""
 
 from dataclasses import dataclass
 
@@ -14,134 +10,69 @@ from bottomlock.files.replay_tables import FORWARD
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.stream_sections import ImuStream
-from bottomlock.recordings.streams import Floats, integrals
+from bottomlock.recordings.streams import Attitudes
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
-from bottomlock.replay.motion.gyros import SLOPE_S, Turns, turns_of
+from bottomlock.replay.motion.gyros import SLOPE_S, GyroFit, compare_gyros
+from bottomlock.replay.read_tables import OMEGA_SI
 from bottomlock.replay.rerun import PreparedRun
 
-LEVEL_S = 10.0
-"""Interval over which the direction of gravity is compared."""
 FEWEST = 60
-CORRELATED = 0.6
-"""Correlation of the turns from which both are of one vehicle."""
 TURNED_RAD = np.deg2rad(25.0)
 """A smaller rotation may be a slow error of the attitude."""
 BETTER = 0.5
 """Part of the misfit that may be left after a rotation that is a finding."""
-UNITS = {np.pi / 180.0: ("deg/s", "rad/s"), 180.0 / np.pi: ("rad/s", "deg/s")}
-"""Ratio of gyros to attitude: the unit that is stated, and the right one."""
 
 
-@dataclass(frozen=True, eq=False)
-class AttitudeTurns:
-    """Turns of gyros and attitude, and gravity in both.
-
-    Attributes:
-        turns: over steps of a second.
-        down: (n, 3) directions of gravity by accelerometers and attitude.
-        rotation: from the attitude's axes to those of the gyros, as it fits.
-        ratio: slope of the gyros over the attitude, 1 in the right unit.
-        correlation: of both.
-    """
-
-    turns: Turns
-    down: tuple[Floats, Floats]
-    rotation: Rotation
-    ratio: float
-    correlation: float
-
-    @property
-    def unit_is_right(self) -> bool:
-        """Whether the gyros turn about as far as the attitude."""
-        return bool(abs(np.log(abs(self.ratio))) < np.log(2.0))
-
-
-def attitude_turns(case: Case, prepared: PreparedRun) -> AttitudeTurns | None:
-    """Turns of gyros and recorded attitude; None without either, and where they are not of one vehicle."""
-    attitudes, inertial = prepared.streams.attitudes, prepared.readings
+def gyro_fit(case: Case, prepared: PreparedRun) -> GyroFit | None:
+    """Gyros against the recorded attitude; None without either, and where they are not of one vehicle."""
+    attitudes = prepared.streams.attitudes
     # Without an IMU the turns are those of the attitude itself.
     if case.attitude is None or attitudes is None or not isinstance(case.imu, ImuStream):
         return None
     rows = slice(int(np.searchsorted(attitudes.time_ns, prepared.alignment.time_ns)), None)
-    turns = turns_of(
-        inertial.time_ns, inertial.omega_p_radps, attitudes.time_ns[rows], attitudes.attitude[rows]
-    )
-    if turns is None or len(turns.gyros) < FEWEST:
-        return None
-    edges = np.arange(turns.edges_ns[0], turns.edges_ns[-1], round(LEVEL_S * 1e9), dtype=np.int64)
-    force = integrals(inertial.time_ns, inertial.force_p_mps2, edges)
-    level = integrals(attitudes.time_ns, attitudes.attitude.inv().apply([0.0, 0.0, 1.0]), edges)
-    down = -_unit_rows(force), _unit_rows(level)
-    rotation = _aligned(turns, *down)
-    ratio, correlation = turns.slope(rotation)
-    return AttitudeTurns(turns, down, rotation, ratio, correlation) if correlation >= CORRELATED else None
+    fit = compare_gyros(prepared.readings, Attitudes(attitudes.time_ns[rows], attitudes.attitude[rows]))
+    return fit if fit is not None and fit.steps >= FEWEST and fit.one_vehicle else None
 
 
-def attitude_findings(case: Case, seen: AttitudeTurns | None) -> list[Finding]:
+def attitude_findings(case: Case, fit: GyroFit | None) -> list[Finding]:
     """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
-    if seen is None:
+    return [] if fit is None else [*_unit(case.readings.omega_unit, fit), *_mounting(fit)]
+
+
+def _unit(stated: str, fit: GyroFit) -> list[Finding]:
+    told = None if stated not in OMEGA_SI else fit.unit(stated)
+    if told is None or told[0] == stated:
         return []
-    found = [
-        _unit(case, seen.ratio, seen.correlation, seen.turns),
-        _mounting(seen.turns, seen.down, seen.rotation, seen.ratio),
-    ]
-    return [one for one in found if one is not None]
+    right, slope = told
+    return [
+        Finding(
+            "gyro_unit", "fault", min(3.0 * fit.steps * fit.misfit, 1e9),
+            f"The unit of the angular rate is wrong: {right} taken for {stated}.",
+            f"Slope of the gyros over the turns of the recorded attitude: {fit.slope:.3g} ± {fit.slope_sd:.1g} as "
+            f"stated, {slope:.3g} with {right}, expected 1; correlation {fit.correlation:.2f} over {fit.steps} "
+            f"intervals of {SLOPE_S:g} s.",
+            f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
+            expected="a slope of 1",
+        )
+    ]  # fmt: skip
 
 
-def _unit(case: Case, ratio: float, correlation: float, turns: Turns) -> Finding | None:
-    factor = min(UNITS, key=lambda one: abs(np.log(abs(ratio) / one)))
-    stated, right = UNITS[factor]
-    if abs(np.log(abs(ratio) / factor)) > np.log(2.0) or case.readings.omega_unit != stated:
-        return None
-    left = float(np.sum((turns.gyros / factor - turns.attitude) ** 2))
-    misfit = float(np.sum((turns.gyros - turns.attitude) ** 2))
-    return Finding(
-        "gyro_unit", "fault", min(turns.gyros.size * misfit / max(left, 1e-12), 1e9),
-        f"The unit of the angular rate is wrong: {right} taken for {stated}.",
-        f"Slope of the gyros over the turns of the recorded attitude: {ratio:.3g} as stated, {ratio / factor:.3g} with "
-        f"{right}, expected 1; correlation {correlation:.2f} over {len(turns.gyros)} intervals of {SLOPE_S:g} s.",
-        f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
-        expected="a slope of 1",
-    )  # fmt: skip
-
-
-def _mounting(turns: Turns, down: tuple[Floats, Floats], rotation: Rotation, ratio: float) -> Finding | None:
-    if rotation.magnitude() < TURNED_RAD:
-        return None
-    parts = ((turns.gyros / ratio, turns.attitude), down)
-    before, after = (
-        sum(float(np.sum((a - r.apply(b)) ** 2) / max(np.sum(a**2), 1e-12)) for a, b in parts)
-        for r in (Rotation.identity(), rotation)
-    )
-    if after > BETTER * before:
-        return None
-    yaw, pitch, roll = rotation.as_euler("ZYX", degrees=True)
-    return Finding(
-        "attitude_mounting", "fault", min(turns.gyros.size * before / max(after, 1e-12), 1e9),
-        f"The attitude sensor is mounted {np.rad2deg(rotation.magnitude()):.0f} deg off what is stated.",
-        f"Its turns and its level fit gyros and accelerometers after roll {roll:+.0f}, pitch {pitch:+.0f}, yaw "
-        f"{yaw:+.0f} deg: {100.0 * after / before:.0f} % of the misfit is left, over {len(turns.gyros)} intervals of "
-        f"{SLOPE_S:g} s.",
-        f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
-        f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
-    )  # fmt: skip
-
-
-def _aligned(turns: Turns, down_imu: Floats, down_attitude: Floats) -> Rotation:
-    """The rotation from the attitude's platform axes to the IMU's, by turns and level with the same weight."""
-    k = float(np.sqrt(np.sum(turns.gyros**2) / max(float(np.sum(turns.attitude**2)), 1e-12)))
-    share = [1.0 / max(float(np.sum(turns.gyros**2)), 1e-12), 1.0 / len(down_imu)]
-    found, _ = Rotation.align_vectors(
-        np.concatenate([turns.gyros, down_imu]),
-        np.concatenate([k * turns.attitude, down_attitude]),
-        weights=np.repeat(share, [len(turns.gyros), len(down_imu)]),
-    )
-    return found
-
-
-def _unit_rows(values: Floats) -> Floats:
-    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1), 1e-9)[:, None], dtype=np.float64)
+def _mounting(fit: GyroFit) -> list[Finding]:
+    if fit.rotation.magnitude() < TURNED_RAD or fit.left > BETTER:
+        return []
+    yaw, pitch, roll = fit.rotation.as_euler("ZYX", degrees=True)
+    return [
+        Finding(
+            "attitude_mounting", "fault", min(3.0 * fit.steps / max(fit.left, 1e-12), 1e9),
+            f"The attitude sensor is mounted {np.rad2deg(fit.rotation.magnitude()):.0f} deg off what is stated.",
+            f"Its turns and its level fit gyros and accelerometers after roll {roll:+.0f}, pitch {pitch:+.0f}, yaw "
+            f"{yaw:+.0f} deg: {100.0 * fit.left:.0f} % of the misfit is left, over {fit.steps} intervals of "
+            f"{SLOPE_S:g} s.",
+            f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
+            f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
+        )
+    ]  # fmt: skip
 
 
 RELATIVE_DEG = 10.0

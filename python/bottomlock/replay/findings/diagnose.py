@@ -17,12 +17,7 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
-from bottomlock.replay.findings.attitude_checks import (
-    AttitudeTurns,
-    attitude_findings,
-    attitude_turns,
-    heading_findings,
-)
+from bottomlock.replay.findings.attitude_checks import attitude_findings, gyro_fit, heading_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
 from bottomlock.replay.findings.limits import UNUSED
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
@@ -41,6 +36,7 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
+from bottomlock.replay.motion.gyros import NEAR, GyroFit
 from bottomlock.replay.motion.pings import LEAST_PINGS
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
@@ -215,13 +211,13 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     streams, alignment = prepared.streams, prepared.alignment
     found = [checks.order_finding(streams) or checks.beam_noise_finding(case, streams)]
     time_ns, velocity = whole_pings(streams, streams.beams)
-    turns = attitude_turns(case, prepared)
+    gyros = gyro_fit(case, prepared)
     inside = time_ns >= alignment.time_ns
     time_ns, velocity = time_ns[inside], velocity[inside]
     # Readings that are made from the attitude and the DVL itself say nothing about the DVL.
     if len(time_ns) > LEAST_PINGS and isinstance(case.imu, ImuStream):
-        found += _against_imu(case, prepared, time_ns, velocity, turns)
-    against = attitude_findings(case, turns)
+        found += _against_imu(case, prepared, time_ns, velocity, gyros)
+    against = attitude_findings(case, gyros)
     moved = {one.kind for one in found if one is not None}
     # One unit has one finding; and axes that are wrong turn the attitude against the IMU too.
     found += [
@@ -250,7 +246,7 @@ def _with_track(causes: list[Finding], track: Finding | None) -> list[Finding]:
 
 
 def _against_imu(
-    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats, turns: AttitudeTurns | None
+    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats, gyros: GyroFit | None
 ) -> list[Finding | None]:
     streams, alignment = prepared.streams, prepared.alignment
     inertial = prepared.readings
@@ -266,7 +262,7 @@ def _against_imu(
     measured = float(np.nan_to_num(closure_sd(B, whole))) if len(whole) >= LEAST_PINGS else 0.0
     beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), measured)
     noise = float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
-    known = turns is not None and turns.unit_is_right
+    known = gyros is not None and 1.0 / NEAR < gyros.slope < NEAR
     comparison = compare(recorded, tight, noise, unit_is_right=known)
     if comparison is None:
         return []
@@ -278,8 +274,8 @@ def _against_imu(
     ]
     # Not the free fit: at a constant speed it may lean on a mounting that nothing shows.
     best = comparison.causes[0].match if comparison.causes else comparison.stated
-    gyros = comparison.causes[0].mistake.gyros if comparison.causes else 1.0
-    if np.all(np.asarray(gyros) == 1.0) and abs(best.gravity - 9.81) < 0.5:
+    factor = comparison.causes[0].mistake.gyros if comparison.causes else 1.0
+    if np.all(np.asarray(factor) == 1.0) and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))
         found.append(checks.depth_finding(case, streams, recorded, best, tight))
     return found

@@ -7,13 +7,13 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import search_offset
-from bottomlock.recordings.streams import Floats, Inertial, Integers
+from bottomlock.recordings.streams import Attitudes, Floats, Inertial, Integers
 from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.motion.gyros import GyroMatch, attitude_at, match_gyros, turns_of
+from bottomlock.replay.motion.gyros import SURE, GyroMatch, attitude_at, compare_gyros, match_gyros
 from bottomlock.replay.read_tables import OMEGA_SI
 
 ENOUGH = 0.3
@@ -72,10 +72,6 @@ def _overlap(a: Span, b: Span) -> float:
 
 
 EARTH_RADPS = 7.292115e-5
-SURE = 0.7
-"""Correlation of one-second turns from which their slope tells the unit of the gyros."""
-NEAR = 2.0
-"""A unit is told by a slope within this factor."""
 POOR_RAD_RTS = 5e-4
 """Noise of gyros (1.7 deg/√h) from which the attitude's own turns are the better ones over seconds."""
 RESOLVED = 2.0
@@ -101,20 +97,17 @@ def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | Non
     """Unit of the gyros by the slope of their turns over those of a recorded attitude; None where it does not tell."""
     if attitude is None or imu.increments or attitude.match is None or not attitude.match.clear:
         return None
-    own = OMEGA_SI[imu.omega.value]
-    both = turns_of(imu.time_ns, imu.omega_p_radps, *attitude.platform())
-    slope, correlation = (0.0, 0.0) if both is None else both.slope()
-    if correlation < SURE or not slope > 0.0:
+    inertial = Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps)
+    fit = compare_gyros(inertial, Attitudes(*attitude.platform()))
+    told = None if fit is None or fit.correlation < SURE else fit.unit(imu.omega.value)
+    if fit is None or told is None:
         return None
-    slopes = {unit: slope * factor / own for unit, factor in OMEGA_SI.items()}
-    best = min(slopes, key=lambda unit: abs(np.log(slopes[unit])))
-    if not 1.0 / NEAR < slopes[best] < NEAR:
-        return None
-    other = "deg/s" if best == "rad/s" else "rad/s"
+    unit, slope = told
+    other = "deg/s" if unit == "rad/s" else "rad/s"
     return Guess(
-        best,
-        f"in a second the gyros turn {slopes[best]:.2f} times as far as the recorded attitude ({slopes[other]:.2g} in "
-        f"{other}), correlation {correlation:.2f}",
+        unit,
+        f"in a second the gyros turn {slope:.2f} times as far as the recorded attitude "
+        f"({slope * OMEGA_SI[other] / OMEGA_SI[unit]:.2g} in {other}), correlation {fit.correlation:.2f}",
     )
 
 

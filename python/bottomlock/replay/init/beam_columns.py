@@ -87,6 +87,10 @@ MOST_BLANK = 0.3
 """Part of the rows with nothing of the DVL from which they are rows of other sensors, and not pings that it lost."""
 
 
+FEWEST_ALIVE = 2
+"""Columns with readings that make a table one of a DVL."""
+
+
 def beam_columns(table: AnyTable) -> BeamColumns | None:
     """The columns of three or more beams; None for a table without.
 
@@ -95,13 +99,16 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
     found: dict[str, dict[int, str]] = {"velocity": {}, "valid": {}, "range": {}}
     for name in table.frame.columns:
         role = _role(name)
-        if role is not None and (role[0] == "valid" or np.isfinite(numbers(table.frame[name])).any()):
+        # The column of a beam that is dead all along is still that of a beam.
+        if role is not None and (role[0] != "range" or np.isfinite(numbers(table.frame[name])).any()):
             found[role[0]].setdefault(role[1], name)
     order = sorted(found["velocity"])
     if not 3 <= len(order) <= MOST_BEAMS or order != list(range(order[0], order[0] + len(order))):
         return None
     velocity = [found["velocity"][k] for k in order]
     values = np.stack([numbers(table.frame[name]) for name in velocity], axis=1)
+    if np.isfinite(values).any(axis=0).sum() < FEWEST_ALIVE:
+        return None
     scale, why = _scale(velocity, values, table)
     stamped, times = table.frame, table_times(table, "dvl").time_ns
     if times is None:

@@ -13,6 +13,7 @@ from bottomlock.recordings.noise_growth import Walk, noise_growth
 from bottomlock.recordings.rig_motion import LENGTH_S, integrate
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.recordings.streams import Attitudes, Flags, Floats, Inertial, Integers, integrals
+from bottomlock.replay.read_tables import OMEGA_SI
 
 SLOPE_S = 1.0
 """Increments over which the slope is taken: longer than jitter of the stamps, shorter than a wander of the offset."""
@@ -21,7 +22,7 @@ LONGEST_STEP_S = 0.5
 SLOWEST_STEP_S = 5.0
 """An attitude that is recorded less often than this is not compared with gyros at all."""
 COVERED = 0.7
-LEAST_PAIRS = 20
+LEAST_PAIRS, LEAST_STEPS = 20, 10
 OUTLIER = 4.0
 RESOLVED = 2.0
 """Sigmas from which a wander of the offset is told from the errors of single segments."""
@@ -75,61 +76,118 @@ def attitude_at(
     return Attitudes(time_ns, attitude).at(at_ns), known
 
 
+SURE, CORRELATED = 0.7, 0.6
+"""Correlation of one-second turns from which their slope tells the unit, and from which both are of one vehicle."""
+NEAR = 2.0
+"""A unit is told by a slope within this factor."""
+LEVEL_S = 10.0
+"""Interval over which the direction of gravity is compared."""
+
+
 @dataclass(frozen=True, eq=False)
-class Turns:
-    """Mean rates of gyros and of an attitude over the same steps, less their medians.
+class GyroFit:
+    """Gyros and accelerometers against a recorded attitude, as a first case and its findings read it.
 
     Attributes:
-        edges_ns: (n + 1) times of the steps, some of them left out.
-        gyros, attitude: (n, 3), the gyros in any unit.
+        steps: number of steps of a second.
+        slope, slope_sd: of the gyros over the attitude, which is 1 in the right unit, robust, and its 1 sigma.
+        correlation: of both.
+        rotation: from the attitude's axes to those of the IMU, by turns and level.
+        left: part of the misfit of turns and level that is left with that rotation.
+        misfit: squares of what the turns differ by over those of what is left by the slope.
     """
 
-    edges_ns: Integers
-    gyros: Floats
-    attitude: Floats
+    steps: int
+    slope: float
+    slope_sd: float
+    correlation: float
+    rotation: Rotation
+    left: float
+    misfit: float
 
-    def slope(self, rotation: Rotation | None = None) -> tuple[float, float]:
-        """Slope of the gyros over the attitude, which is 1 in rad/s, robust, and their correlation.
+    @property
+    def one_vehicle(self) -> bool:
+        """Whether both turn alike."""
+        return self.correlation >= CORRELATED
+
+    def unit(self, stated: str) -> tuple[str, float] | None:
+        """The unit that the slope tells, and the slope in it; None where it tells none.
 
         Args:
-            rotation: from the attitude's axes to those of the gyros.
+            stated: in which the gyros were read.
         """
-        a, b = self.attitude if rotation is None else rotation.apply(self.attitude), self.gyros
-        weight = np.ones(len(a))
-        value = 0.0
-        for _ in range(10):
-            value = float(
-                (weight[:, None] * a * b).sum() / max(float((weight[:, None] * a * a).sum()), 1e-30)
-            )
-            left = np.linalg.norm(b - value * a, axis=1)
-            weight = 1.0 / np.maximum(1.0, left / max(2.0 * float(np.median(left)), 1e-30))
-        w = weight[:, None]
-        size = np.sqrt(float((w * a * a).sum()) * float((w * b * b).sum()))
-        return value, float((w * a * b).sum()) / max(size, 1e-30)
+        if not self.slope > 0.0:
+            return None
+        slopes = {unit: self.slope * factor / OMEGA_SI[stated] for unit, factor in OMEGA_SI.items()}
+        best = min(slopes, key=lambda unit: abs(np.log(slopes[unit])))
+        return (best, slopes[best]) if 1.0 / NEAR < slopes[best] < NEAR else None
 
 
-def turns_of(
-    time_ns: Integers, omega_p: Floats, attitude_time_ns: Integers, attitude: Rotation
-) -> Turns | None:
-    """Turns over steps of a second, longer ones of a slower attitude; None without overlap.
+def compare_gyros(inertial: Inertial, attitudes: Attitudes) -> GyroFit | None:
+    """Turns over steps of a second, longer ones of a slower attitude, and level; None without overlap.
 
     Args:
-        time_ns, omega_p: (n,), (n, 3) gyros.
-        attitude_time_ns, attitude: (m,) on the clock of the gyros.
+        inertial: readings, the rates in any unit.
+        attitudes: of the platform, on the clock of the readings.
     """
-    inside = (attitude_time_ns >= time_ns[0]) & (attitude_time_ns <= time_ns[-1])
-    if inside.sum() < 10:
+    time_ns = inertial.time_ns
+    inside = np.flatnonzero((attitudes.time_ns >= time_ns[0]) & (attitudes.time_ns <= time_ns[-1]))
+    if len(inside) < LEAST_STEPS:
         return None
-    steps_ns = np.diff(attitude_time_ns[inside])
-    rows = np.flatnonzero(inside)[:: max(1, round(SLOPE_S * 1e9 / float(np.median(steps_ns))))]
-    times, own = attitude_time_ns[rows], attitude[rows]
+    every_s = float(np.median(np.diff(attitudes.time_ns[inside]))) * 1e-9
+    rows = inside[:: max(1, round(SLOPE_S / every_s))]
+    times, own = attitudes.time_ns[rows], attitudes.attitude[rows]
     steps_s = np.diff(times)[:, None] * 1e-9
     good = steps_s[:, 0] <= SLOWEST_STEP_S
-    if good.sum() < 10:
+    edges = np.arange(times[0], times[-1], round(LEVEL_S * 1e9), dtype=np.int64)
+    if good.sum() < LEAST_STEPS or len(edges) < 2:
         return None
     a = ((own[:-1].inv() * own[1:]).as_rotvec() / steps_s)[good]
-    b = (integrals(time_ns, omega_p, times) / steps_s)[good]
-    return Turns(times, b - np.median(b, axis=0), a - np.median(a, axis=0))
+    b = (integrals(time_ns, inertial.omega_p_radps, times) / steps_s)[good]
+    a, b = a - np.median(a, axis=0), b - np.median(b, axis=0)
+    level = integrals(attitudes.time_ns, attitudes.attitude.inv().apply([0.0, 0.0, 1.0]), edges)
+    down = _unit_rows(level), -_unit_rows(integrals(time_ns, inertial.force_p_mps2, edges))
+    rotation = _aligned((a, b), down)
+    slope, sd, correlation = _slope(rotation.apply(a), b)
+    parts = ((a, b / slope), down)
+    before, after = (
+        sum(float(np.sum((gyro - r.apply(one)) ** 2) / max(np.sum(gyro**2), 1e-12)) for one, gyro in parts)
+        for r in (Rotation.identity(), rotation)
+    )
+    misfit = float(np.sum((b - a) ** 2)) / max(float(np.sum((b / slope - rotation.apply(a)) ** 2)), 1e-12)
+    return GyroFit(len(b), slope, sd, correlation, rotation, after / max(before, 1e-12), misfit)
+
+
+def _slope(a: Floats, b: Floats) -> tuple[float, float, float]:
+    """Slope of turns (n, 3) over others, robust, its 1 sigma, and their correlation."""
+    weight, value = np.ones(len(a)), 0.0
+    for _ in range(10):
+        w = weight[:, None]
+        energy = max(float((w * a * a).sum()), 1e-30)
+        value = float((w * a * b).sum()) / energy
+        left = np.linalg.norm(b - value * a, axis=1)
+        weight = 1.0 / np.maximum(1.0, left / max(2.0 * float(np.median(left)), 1e-30))
+    w = weight[:, None]
+    size = np.sqrt(float((w * a * a).sum()) * float((w * b * b).sum()))
+    sd = float(np.sqrt((np.sum(w * a * (b - value * a), axis=1) ** 2).sum())) / energy
+    return value or 1e-30, sd, float((w * a * b).sum()) / max(size, 1e-30)
+
+
+def _aligned(turns: tuple[Floats, Floats], down: tuple[Floats, Floats]) -> Rotation:
+    """The rotation from the attitude's axes to the IMU's, by turns and level with the same weight (Kabsch 1976)."""
+    (a, b), (level, felt) = turns, down
+    k = float(np.sqrt(np.sum(b**2) / max(float(np.sum(a**2)), 1e-12)))
+    share = [1.0 / max(float(np.sum(b**2)), 1e-12), 1.0 / len(felt)]
+    found, _ = Rotation.align_vectors(
+        np.concatenate([b, felt]),
+        np.concatenate([k * a, level]),
+        weights=np.repeat(share, [len(b), len(felt)]),
+    )
+    return found
+
+
+def _unit_rows(values: Floats) -> Floats:
+    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1), 1e-9)[:, None], dtype=np.float64)
 
 
 def match_gyros(
