@@ -20,9 +20,14 @@ def analytic(name: str, **change: Any) -> Scenario:  # noqa: ANN401 - any key of
     return packaged.with_trajectory(source="analytic", kind=name, **_SHAPES[name], **change)
 
 
-def analytic_simulation(name: str, **change: Any) -> Simulation:  # noqa: ANN401 - any key of the section
-    """Its world."""
-    return build_simulation(analytic(name, **change))
+def analytic_simulation(
+    name: str,
+    *,
+    imu_hz: float = 150.0,
+    **change: Any,  # noqa: ANN401 - any key of the section
+) -> Simulation:
+    """Its world; with an IMU at 50 Hz a third of the work, and the same errors per root second."""
+    return build_simulation(analytic(name, **change).replace({"imu.rate_hz": imu_hz}))
 
 
 def batch_of(simulation: Simulation, every: slice = slice(None)) -> dict[str, Any]:

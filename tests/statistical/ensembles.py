@@ -35,7 +35,7 @@ class Ensemble:
 @lru_cache(maxsize=8)
 def run_ensemble(name: str, methods: tuple[Method, ...], runs: int = RUNS, every_s: int = 5) -> Ensemble:
     """Flies a packaged scenario on its analytic truth."""
-    work = batch_of(analytic_simulation(name), slice(every_s - 1, None, every_s)) | {
+    work = batch_of(analytic_simulation(name, imu_hz=50.0), slice(every_s - 1, None, every_s)) | {
         "seed": SEED,
         "trajectory_key": 17,
     }

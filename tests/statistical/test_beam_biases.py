@@ -21,7 +21,7 @@ METHODS: tuple[Method, ...] = ("tc", "lc")
 @pytest.mark.parametrize("beams", [6, 8])
 def test_biases_of_all_beams_are_estimated(beams: int) -> None:
     """Six times as large as the noise; NEES at every sample time, with a false-alarm rate of 1 %."""
-    simulation = analytic_simulation("figure_eight")
+    simulation = analytic_simulation("figure_eight", imu_hz=50.0)
     scenario, truth = simulation.scenario, simulation.truth()
     azimuths = np.arange(beams) * 2.0 * np.pi / beams
     geometry = BeamGeometry.from_angles(np.deg2rad(20.0 + 10.0 * (np.arange(beams) % 2)), azimuths)

@@ -32,7 +32,8 @@ def table(request: pytest.FixtureRequest) -> pl.DataFrame:
         cell
         for mask, methods in METHODS.items()
         for name in ("straight", "figure_eight")
-        for cell in cells([load_scenario(name).with_overrides(methods=methods)], masks=[mask])
+        for scenario in [load_scenario(name).replace({"imu.rate_hz": 50.0}).with_overrides(methods=methods)]
+        for cell in cells([scenario], masks=[mask])
     ]
     return study(judged, runs=request.param, seed=SEED, threads=1)
 

@@ -72,7 +72,7 @@ class Disturbed:
 
 @lru_cache(maxsize=len(TRAJECTORIES))
 def _world(name: str) -> tuple[Simulation, Truth]:
-    simulation = analytic_simulation(name, duration_s=DURATION_S)
+    simulation = analytic_simulation(name, imu_hz=50.0, duration_s=DURATION_S)
     return simulation, simulation.truth()
 
 

@@ -25,10 +25,8 @@ FAMILY = len(PAIRS) * len(METHODS) * (FIXES + 1)
 
 @pytest.fixture(scope="module")
 def readings() -> list[Readings]:
-    scenario = (
-        load_scenario("straight").with_overrides(seed=SEED).with_trajectory(duration_s=OUTAGE_S[1] + FIXES)
-    )
-    simulation = build_simulation(scenario)
+    scenario = load_scenario("straight").replace({"imu.rate_hz": 50.0}).with_overrides(seed=SEED)
+    simulation = build_simulation(scenario.with_trajectory(duration_s=OUTAGE_S[1] + FIXES))
     truth = simulation.truth()
     return [Readings(simulation, truth, run=run) for run in range(RUNS)]
 

@@ -38,7 +38,7 @@ WAYS: dict[str, dict[str, Any]] = {
 @lru_cache(maxsize=8)
 def streams(lost: tuple[int, ...]) -> tuple[Any, ...]:
     """World, model, samples, truth at the samples, and a (log, start) for every run."""
-    simulation = analytic_simulation("figure_eight")
+    simulation = analytic_simulation("figure_eight", imu_hz=50.0)
     truth = simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
     model = simulation.scenario.kernel_model(simulation.gravity_mps2)

@@ -30,12 +30,13 @@ SETS: tuple[tuple[str, ...], ...] = (
 )
 MORE: tuple[tuple[str, ...], ...] = (("heading",), ("depth", "heading"), ("gps",))
 RUNS, RESAMPLES = 20, 1000
+STRAIGHT = load_scenario("straight").replace({"imu.rate_hz": 50.0})
 
 
 @lru_cache(maxsize=64)
 def flown(mask: tuple[int, ...], sensors: tuple[str, ...]) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Runs and consistency of the methods."""
-    scenario = Cell(load_scenario("straight"), mask, sensors, "tc").flown()
+    scenario = Cell(STRAIGHT, mask, sensors, "tc").flown()
     results = run_campaign(scenario, runs=RUNS, methods=METHODS, threads=1)
     return results.runs, results.consistency
 
@@ -106,7 +107,7 @@ def test_depth_does_not_touch_what_it_cannot_judge() -> None:
 @pytest.mark.long
 def test_no_run_runs_away_with_depth_beside_acoustics() -> None:
     """The run of seed 90210 that a depth once drove to 16 m/s beside acoustic fixes, and its neighbours."""
-    scenario = Cell(load_scenario("straight"), (2, 4), ("depth", "acoustic"), "tc").flown()
+    scenario = Cell(STRAIGHT, (2, 4), ("depth", "acoustic"), "tc").flown()
     results = run_campaign(scenario, runs=85, seed=90210, methods=["tc"], threads=1)
     assert results.runs["velocity_final_mps"].to_numpy().max() < 1.0
     assert set(results.consistency["verdict"]) == {"consistent"}

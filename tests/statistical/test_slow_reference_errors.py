@@ -106,7 +106,7 @@ SENSORS = {
 @lru_cache(maxsize=12)
 def flown(sensor: str, *, expected: bool) -> dict[str, Any]:
     """Runs on the figure of eight with beams 1 and 2 and one sensor, its slow errors expected or not."""
-    simulation = analytic_simulation("figure_eight")
+    simulation = analytic_simulation("figure_eight", imu_hz=50.0)
     scenario, truth = simulation.scenario, simulation.truth()
     schedule: Any = bottomlock.measurement_schedule(simulation, truth)
     schedule["beam_valid"] = np.tile([True, True, False, False], (len(schedule["dvl_time_ns"]), 1))

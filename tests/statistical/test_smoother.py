@@ -32,7 +32,7 @@ STATES = 15
 @lru_cache(maxsize=4)
 def run_smoother(trajectory: str) -> dict[str, Array]:
     """NEES (runs, T) and squared errors of position (runs, T, 3), filtered and smoothed."""
-    simulation = analytic_simulation(trajectory)
+    simulation = analytic_simulation(trajectory, imu_hz=50.0)
     scenario, truth = simulation.scenario, simulation.truth()
     plan: Any = bottomlock.measurement_schedule(simulation, truth)
     model = scenario.kernel_model(simulation.gravity_mps2)
