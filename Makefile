@@ -15,7 +15,7 @@ SECONDS ?= 60
 HOURS   ?= 1
 PREFIX  ?= /usr/local
 
-# Tools beside the tests', pinned as these are. The Rust ones are compiled once, unoptimised, into `tools`.
+# Tools beside the tests', pinned as these are. The Rust ones are compiled once, unoptimised and bare, into `tools`.
 CARGO_DENY      := 0.20.2
 CARGO_CYCLONEDX := 0.5.9
 CBINDGEN        := 0.29.2
@@ -23,6 +23,7 @@ UV              := 0.13.9
 CYCLONEDX_BOM   := 7.5.0
 ZIGLANG         := 0.17.1
 tools           := target/tools
+tool            := CARGO_PROFILE_DEV_DEBUG=false cargo install --quiet --locked --debug
 cbindgen        := $(tools)/cbindgen-$(CBINDGEN)/bin/cbindgen
 make_header     := $(cbindgen) --quiet --output crates/bottomlock-c/include/bottomlock.h crates/bottomlock-c
 
@@ -44,6 +45,9 @@ pytest := $(bin)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-r
 # Rust tests on the kernel that the wheel is made of: naming the bindings gives their dependencies the same features, so that
 # nothing is compiled twice.
 released := cargo test --locked --release --package bottomlock --package bottomlock-c --package bottomlock-py
+
+# With overflow checks.
+checked := cargo test --locked
 
 # Whatever ends in the wheel; a change to any of it rebuilds and reinstalls.
 wheel_sources := pyproject.toml README.md LICENSE LICENSE-MIT LICENSE-APACHE Cargo.toml Cargo.lock .cargo/config.toml \
@@ -71,18 +75,21 @@ test-rust:
 	$(released) --tests
 	$(released) --doc
 
-# What `make test` leaves out; Rust with overflow checks, and the laws with more examples.
+# What `make test` leaves out; Rust's unit tests with overflow checks, compiled beside the Python tests, and the laws with more
+# examples.
 test-long: $(VENV)/.tools $(VENV)/.installed
-	@HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests; python=$$?; $(make) test-long-rust && exit $$python
+	@$(checked) --lib --no-run --quiet & HYPOTHESIS_PROFILE=long $(pytest) -m "(long or hypothesis) and not deep" tests; \
+	    python=$$?; wait; $(make) test-long-rust && exit $$python
 
 test-long-rust:
-	cargo test --locked --lib --test laws
+	$(checked) --lib
 	BOTTOMLOCK_LONG=1 $(released) --test laws
 	BOTTOMLOCK_LONG=1 $(released) --tests no_bytes_give
 
 # The largest sizes, before a release: an hour and a half of two cores.
 test-deep: $(VENV)/.tools $(VENV)/.installed
 	$(pytest) -m deep tests
+	$(checked) --test laws
 	BOTTOMLOCK_DEEP=1 $(released) --test laws late_law
 
 test-all: test test-long test-deep
@@ -241,10 +248,10 @@ $(tools)/zig/.ready: Makefile
 
 # A version has a folder of its own, so that a new one is installed.
 $(tools)/cargo-deny-$(CARGO_DENY)/bin/cargo-deny:
-	cargo install --quiet --locked --debug --root $(tools)/cargo-deny-$(CARGO_DENY) cargo-deny@$(CARGO_DENY)
+	$(tool) --root $(tools)/cargo-deny-$(CARGO_DENY) cargo-deny@$(CARGO_DENY)
 
 $(cbindgen):
-	cargo install --quiet --locked --debug --root $(tools)/cbindgen-$(CBINDGEN) cbindgen@$(CBINDGEN)
+	$(tool) --root $(tools)/cbindgen-$(CBINDGEN) cbindgen@$(CBINDGEN)
 
 $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX)/bin/cargo-cyclonedx:
-	cargo install --quiet --locked --debug --root $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX) cargo-cyclonedx@$(CARGO_CYCLONEDX)
+	$(tool) --root $(tools)/cargo-cyclonedx-$(CARGO_CYCLONEDX) cargo-cyclonedx@$(CARGO_CYCLONEDX)

@@ -13,7 +13,7 @@ from tools.install_c import install
 
 @pytest.fixture(scope="session")
 def prefix(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An installed prefix; a test of `make test-long` installs what users do, without the simulation."""
+    """An installed prefix; a test of `make test-deep` installs what users do, without the simulation."""
     if not sys.platform.startswith("linux"):
         pytest.skip("the C library is installed on Linux alone")
     if shutil.which("cargo") is None:

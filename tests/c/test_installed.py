@@ -104,10 +104,10 @@ def test_by_ctypes(prefix: Path, folder: Path) -> None:
     assert run(sys.executable, "-S", "first_fix.py", library, cwd=folder).strip() == VELOCITY
 
 
-@pytest.mark.long
+@pytest.mark.deep
 @pytest.mark.usefixtures("prefix")
 def test_without_the_simulation(folder: Path) -> None:
-    """As users install it: the other tests have the wheel's kernel."""
+    """As users install it, which compiles another kernel: the other tests have the wheel's, `make lint` checks both."""
     install(folder / "alone")
     library = folder / "alone" / "lib" / "libbottomlock.so"
     assert run(sys.executable, "-S", "first_fix.py", library, cwd=folder).strip() == VELOCITY
