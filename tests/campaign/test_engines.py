@@ -70,7 +70,8 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     distributed = pytest.importorskip("distributed")
     from bottomlock.campaign import dask_engine
 
-    monkeypatch.setattr(dask_engine, "CONNECT_S", 3.0)  # and so long a client looks for a scheduler that is gone
+    # So long a client looks for a scheduler that is gone, too.
+    monkeypatch.setattr(dask_engine, "CONNECT_S", 3.0)
     monkeypatch.setattr(dask_engine, "PATIENCE_S", 0.5)
     monkeypatch.setattr(dask_engine, "POLL_S", 0.1)
     with distributed.LocalCluster(

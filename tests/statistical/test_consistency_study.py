@@ -26,7 +26,7 @@ METHODS = {
 FOUR, TWO = "1,2,3,4", "1,2"
 
 
-@pytest.fixture(scope="module", params=[30, pytest.param(60, marks=pytest.mark.long)])
+@pytest.fixture(scope="module", params=[30, pytest.param(60, marks=pytest.mark.deep)])
 def table(request: pytest.FixtureRequest) -> pl.DataFrame:
     judged = [
         cell
