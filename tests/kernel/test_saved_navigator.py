@@ -69,7 +69,7 @@ def test_a_geometry_is_saved_whole() -> None:
         (lambda data: data[:30], "30 bytes are too few"),
         (
             lambda data: data[:8] + struct.pack("<H", 16) + data[10:],
-            "format 16, expected 26: another version",
+            "format 16, expected 27: another version",
         ),
     ],
 )

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bottomlock.io.sentences import xor_of
 from bottomlock.live.engine import Engine
 from tests.live import world
-from tests.live.world import Sent, World, config
+from tests.live.world import Sent, World, config, navigator_of
 
 Arrivals = list[tuple[int, int, bytes]]
 
@@ -102,6 +103,71 @@ def test_a_false_beam_does_not_give_the_velocity_of_the_start() -> None:
         found += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, sent)]
     assert found[0].time_ns > world.START_NS + 1_900_000_000
     assert max(float((np.abs(one.velocity - world.VELOCITY) / one.sd).max()) for one in found) < 4.0
+
+
+def imu_fields(data: bytes, column: int, change: float | bytes) -> bytes:
+    """A line of the IMU with one of its six numbers changed by so much, or replaced."""
+    fields = data.partition(b"*")[0].split(b",")
+    fields[column + 1] = change if isinstance(change, bytes) else b"%.9g" % (float(fields[column + 1]) + change)
+    line = b",".join(fields)
+    return line + b"*%02X\n" % xor_of(line)
+
+
+@pytest.mark.parametrize(("column", "size"), [(3, 0.5), (3, 2.5), (5, -2.5), (3, 90.0), (1, 0.02)])
+@pytest.mark.parametrize("end_s", [3.01, 3.02, 3.35])
+def test_an_axis_that_departs_for_a_moment_is_never_ok_and_wrong(
+    column: int, size: float, end_s: float
+) -> None:
+    """One axis of the IMU for up to 0.35 s: nobody knows whether the vehicle was hit."""
+    engine, found = Engine(config("navigation")), []
+    for arrival_ns, source, data in World(6.0).arrivals(imu=True):
+        at_s = (arrival_ns - world.START_NS) * 1e-9
+        departs = source == 1 and 3.0 <= at_s < end_s
+        sent = imu_fields(data, column, size) if departs else data
+        found += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, sent)]
+    good = [one for one in found if one.state == "OK"]
+    assert len(good) > 30
+    assert max(float((np.abs(one.velocity - world.VELOCITY) / one.sd).max()) for one in good) < 4.0
+
+
+def test_an_axis_that_stops_is_unsafe() -> None:
+    """The other five read on."""
+    engine, states, last = Engine(config("navigation")), set(), b""
+    for arrival_ns, source, data in World(6.0).arrivals(imu=True):
+        sent = data
+        if source == 1:
+            last = last or (data.split(b",")[3] if arrival_ns > world.START_NS + 3_000_000_000 else b"")
+            sent = imu_fields(data, 2, last) if last else data
+        engine.arrive(source, arrival_ns, sent)
+        if arrival_ns > world.START_NS + 4_000_000_000:
+            states.add(engine.machine.why.partition(" for ")[0])
+            assert engine.state == "UNSAFE"
+    assert states == {"no inertial readings"}
+
+
+def test_a_start_after_a_long_gap_takes_nothing_for_measured_that_was_stated() -> None:
+    """Fifteen seconds without inertial readings: where the vehicle is and points to has changed by then."""
+    engine = Engine(config("navigation"))
+    for arrival_ns, source, data in World(25.0).arrivals(imu=True):
+        if source == 1 and 5.0 <= (arrival_ns - world.START_NS) * 1e-9 < 20.0:
+            continue
+        engine.arrive(source, arrival_ns, data)
+    navigator = navigator_of(engine)
+    assert engine.estimator.resets == 1
+    sd = np.sqrt(np.diag(navigator.covariance()))
+    heading = np.deg2rad(30.0)
+    surge, sway, heave = world.VELOCITY
+    true = 25.0 * np.array(
+        [
+            np.cos(heading) * surge - np.sin(heading) * sway,
+            np.sin(heading) * surge + np.cos(heading) * sway,
+            heave,
+        ]
+    )
+    error = np.abs(np.asarray(navigator.state()["position_t_m"]) - true)
+    assert (error[:2] / sd[:2] < 3.0).all() and (error[:2] > 2.0).any()
+    assert sd[5] > 1.0, "the yaw may be any after 15 s of 0.1 rad/s"
+    assert sd[3] < np.deg2rad(2.0), "the level is measured again"
 
 
 def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) -> None:

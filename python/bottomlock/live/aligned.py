@@ -14,6 +14,7 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.models import InitialState
 from bottomlock.live.estimator import PINGS, closes, solve_ping
+from bottomlock.live.left_off import LeftOff
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.sections import ImuFromAttitude, StartSection
 from bottomlock.recordings.attitude_motion import MotionFromAttitude
@@ -58,6 +59,9 @@ class Alignment:
         start: the section.
         level_by_attitude: whether an attitude gives roll and pitch; else the accelerometers do.
         gravity_mps2: of the place; 0 where nothing measures it.
+
+    Attributes:
+        depth_m: the last depth; None before the first.
     """
 
     def __init__(
@@ -71,7 +75,7 @@ class Alignment:
         self._sum_mps2 = np.zeros(3)
         self._attitudes: deque[tuple[int, Floats]] = deque()
         self._velocity: tuple[int, Floats] | None = None
-        self._depth_m: float | None = None
+        self.depth_m: float | None = None
 
     def imu(self, time_ns: int, force_p_mps2: Floats) -> None:
         """Takes an inertial reading; one that does not follow the others begins a new window."""
@@ -97,7 +101,7 @@ class Alignment:
 
     def depth(self, depth_m: float) -> None:
         """Takes a depth, where the vehicle begins unless the section says where."""
-        self._depth_m = depth_m
+        self.depth_m = depth_m
 
     @property
     def waiting_for(self) -> str:
@@ -193,9 +197,9 @@ class Alignment:
     @property
     def _position_m(self) -> tuple[float, float, float]:
         north, east, down = self._start.position_m
-        if self._depth_m is None or "position_m" in self._start.model_fields_set:
+        if self.depth_m is None or "position_m" in self._start.model_fields_set:
             return north, east, down
-        return north, east, self._depth_m
+        return north, east, self.depth_m
 
     def state(self) -> InitialState:
         """The state at the last reading, once `waiting_for` is empty."""
@@ -274,6 +278,7 @@ class AlignedNavigator:
         self._platform = None if config.attitude is None else PlatformAttitude(config.attitude)
         self._longest_attitude_s = longest_attitude_s
         self._motion: MotionFromAttitude | None = None
+        self._left: LeftOff | None = None
         self._alignment = self._new_alignment()
         self._made: dict[type, Callable[[Any, Floats], SpeedReading]] = {}
         self._last_ns: int | None = None
@@ -423,12 +428,21 @@ class AlignedNavigator:
         )
 
     def _start_navigator(self) -> None:
+        state, model, left = self._alignment.state(), self._settings.model, self._left
+        if left is not None:
+            depth_m, options = self._alignment.depth_m, self._settings.options
+            state = left.state(state, depth_m)
+            initial = left.initial(
+                model.initial, state, self._config.attitude,
+                depth_m=depth_m, turning_sd_radps=options.imu_limits.gap_rate_sd_radps,
+            )  # fmt: skip
+            model = model.replace(initial=initial)
         self._begin(
             Navigator(
                 self._instrument.geometry,
-                self._settings.model,
+                model,
                 self._settings.options,
-                self._alignment.state(),
+                state,
                 method=self._config.navigation.method,
                 horizon_ns=self._horizon_ns,
             )
@@ -444,7 +458,10 @@ class AlignedNavigator:
         self.time_ns = int(navigator.state()["time_ns"])
 
     def restart(self) -> None:
-        """Gives the navigator up: a fresh alignment follows."""
+        """Gives the navigator up: a fresh alignment follows, of what is measured."""
+        if self.navigator is not None:
+            self._left = LeftOff.of(self.navigator)
+            self._start = self._left.section(self._start, self._config.attitude)
         self.navigator = self.time_ns = None
         self._alignment = self._new_alignment()
 

@@ -40,10 +40,28 @@ impl BridgeNoise {
                 longest_s,
             });
         }
-        Ok(Self {
-            gyro: limits.gap_rate_sd_radps.powi(2) * gap_s,
-            accel: limits.gap_accel_sd_mps2.powi(2) * gap_s,
-        })
+        Ok(Self::of_constant(
+            [limits.gap_rate_sd_radps, limits.gap_accel_sd_mps2],
+            gap_s,
+        ))
+    }
+
+    /// As much as that of constant errors of the angular rate, rad/s, and the specific force, m/s², over an interval; of the attitude
+    /// up to a radian.
+    pub(crate) fn of_constant([rate, force]: [f64; 2], gap_s: f64) -> Self {
+        let density = |sd: f64| sd.powi(2) * gap_s;
+        Self {
+            gyro: density(rate.min(LARGEST_ATTITUDE_SD_RAD / gap_s)),
+            accel: density(force),
+        }
+    }
+
+    /// The larger noise of either.
+    pub(crate) fn max(self, other: Self) -> Self {
+        Self {
+            gyro: self.gyro.max(other.gyro),
+            accel: self.accel.max(other.accel),
+        }
     }
 }
 

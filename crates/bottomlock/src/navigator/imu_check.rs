@@ -5,7 +5,7 @@
 //!
 //! Readings of a simulation without noise are equal for minutes, and those of a real instrument never are. Equal readings
 //! therefore count as stuck only where the model has noise of both gyros and accelerometers, and where the options say after
-//! how many.
+//! how many: on all axes, or on one whose readings seldom repeat.
 //!
 //! A reading that departs from the last good one faster than any vehicle turns or is pushed, and by far more than readings
 //! usually change, is a bit that flipped or a line that was cut. After two of them the next one is taken: the vehicle was hit.
@@ -17,20 +17,18 @@ use crate::filter::{BridgeNoise, seconds_between};
 use crate::mechanisation::{IMU_FAULTS, ImuFault, ImuLimits, ImuSample, LongGap, Quantity};
 use crate::model::ImuModel;
 
+use super::imu_course::{AXES, Course, MEMORY, change, changes};
+
 /// The place of inflated gaps in [`IMU_FAULTS`].
 const INFLATED: usize = 4;
 
 /// Longest step of which no doubt is possible, ns: readings within their full scale change little in it.
 const PLAIN_STEP_NS: i64 = 1_000_000_000;
 
-/// Change of the angular rate, rad/s², and of the specific force, m/s³, that no vehicle exceeds.
-const FASTEST_CHANGE: [f64; 2] = [50.0, 300.0];
-/// The same over the usual change between readings: vibration is no jump.
-const USUAL: f64 = 15.0;
 /// Readings in a row that jump.
 const MOST_JUMPS: u32 = 2;
-/// Weight of a reading in the usual change.
-const MEMORY: f64 = 0.01;
+/// Part of the last readings of an axis that repeat the one before, from which on it may stand still by itself.
+const REPEATS: f64 = 0.5;
 
 /// The check, and what it has seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,14 +36,14 @@ pub(crate) struct ImuCheck {
     limits: ImuLimits,
     /// The last reading, good or not.
     last: Option<ImuSample>,
-    /// The last good one.
-    good: Option<ImuSample>,
-    /// Usual change of rate and force between good readings; `None` before the second.
-    usual: Option<[f64; 2]>,
+    /// How the good ones go on.
+    course: Course,
     /// How many readings in a row have jumped.
     jumped: u32,
-    /// How many readings in a row are equal to the last one, itself included.
-    equal: u32,
+    /// How many readings in a row are equal to the last one on each axis, itself included.
+    equal: [u32; AXES],
+    /// Part of the readings that repeat the one before on each axis.
+    repeats: [f64; AXES],
     /// Whether readings were rejected since the last good one.
     is_bridging: bool,
     counts: [u64; IMU_FAULTS.len()],
@@ -70,10 +68,10 @@ impl ImuCheck {
                 ..*limits
             },
             last: None,
-            good: None,
-            usual: None,
+            course: Course::default(),
             jumped: 0,
-            equal: 0,
+            equal: [0; AXES],
+            repeats: [REPEATS; AXES],
             is_bridging: false,
             counts: [0; IMU_FAULTS.len()],
         }
@@ -85,10 +83,10 @@ impl ImuCheck {
     /// [`NavError`] that names the number.
     pub(crate) fn check_restored(&self) -> Result<(), NavError> {
         self.limits.validate()?;
-        let mut readings = [self.last, self.good].into_iter().flatten();
-        readings.try_for_each(|reading| reading.validate())?;
-        let mut usual = self.usual.into_iter().flatten();
-        usual.try_for_each(|change| require_non_negative("usual change of inertial readings", change))
+        self.last.iter().try_for_each(ImuSample::validate)?;
+        let mut repeats = self.repeats.into_iter();
+        repeats.try_for_each(|part| require_non_negative("part of inertial readings that repeat", part))?;
+        self.course.check_restored()
     }
 
     /// Time of the last reading, good or not, ns.
@@ -112,7 +110,7 @@ impl ImuCheck {
             && step_ns as f64 * 1e-9 <= self.limits.max_gap_s
             && self.limits.is_in_range(sample)
             && self.stuck(sample).is_none()
-            && self.jump(sample).is_none()
+            && self.course.is_usual(sample)
     }
 
     /// Judges a reading, `good_ns` being the time of the last good one or of the start; changes nothing.
@@ -132,10 +130,13 @@ impl ImuCheck {
         if let Some(fault) = self.fault(sample) {
             return Ok(Judged::Rejected(fault));
         }
-        if !is_long && !self.is_bridging {
-            return Ok(Judged::Good(None));
-        }
-        BridgeNoise::between(good_ns, sample.time_ns, &self.limits).map(|noise| Judged::Good(Some(noise)))
+        let noise = if is_long || self.is_bridging {
+            Some(BridgeNoise::between(good_ns, sample.time_ns, &self.limits)?)
+        } else {
+            self.course.missing(sample, &self.limits)
+        };
+        let doubted = self.course.doubted(sample);
+        Ok(Judged::Good(noise.into_iter().chain(doubted).reduce(BridgeNoise::max)))
     }
 
     /// What is wrong with a reading, whatever the gap before it.
@@ -160,12 +161,20 @@ impl ImuCheck {
     pub(crate) fn note_fault(&mut self, sample: &ImuSample, fault: Option<&ImuFault>) {
         if self.limits.stuck_after > 0 {
             self.equal = self.equal_with(sample);
+            for (part, equal) in self.repeats.iter_mut().zip(self.equal) {
+                if equal < self.limits.stuck_after {
+                    *part += MEMORY * (f64::from(u8::from(equal > 1)) - *part);
+                }
+            }
         }
         if let Some(fault) = fault {
             self.counts[fault.kind()] += 1;
         }
         match fault {
-            None => self.note_change(sample),
+            None => {
+                self.course.note(sample);
+                self.jumped = 0;
+            }
             Some(ImuFault::Jump { .. }) => self.jumped += 1,
             Some(_) => {}
         }
@@ -173,34 +182,12 @@ impl ImuCheck {
         self.last = Some(*sample);
     }
 
-    /// Takes note of how a good reading has changed, as far as a vehicle changes.
-    #[inline]
-    fn note_change(&mut self, sample: &ImuSample) {
-        if let Some(good) = &self.good {
-            let change = change(sample, good);
-            let limit = self.largest_change(good, sample);
-            let usual = self.usual.get_or_insert([0, 1].map(|k| change[k].min(limit[k])));
-            for k in 0..2 {
-                usual[k] += MEMORY * (change[k].min(limit[k]) - usual[k]);
-            }
-        }
-        (self.good, self.jumped) = (Some(*sample), 0);
-    }
-
-    /// Largest change of rate and force from the last good reading that is no jump.
-    #[inline]
-    fn largest_change(&self, good: &ImuSample, sample: &ImuSample) -> [f64; 2] {
-        let step_s = seconds_between(good.time_ns, sample.time_ns);
-        let usual = self.usual.unwrap_or_default();
-        [0, 1].map(|k| (FASTEST_CHANGE[k] * step_s).max(USUAL * usual[k]))
-    }
-
     #[inline]
     fn jump(&self, sample: &ImuSample) -> Option<ImuFault> {
-        let good = self.good.as_ref()?;
-        let (change, limit) = (change(sample, good), self.largest_change(good, sample));
+        let good = self.course.good.as_ref()?;
+        let (change, limit) = (change(sample, good), self.course.largest_change(good, sample));
         let jumps = [0, 1].map(|k| change[k] > limit[k]);
-        if !(jumps[0] || jumps[1]) || self.usual.is_none() || self.jumped >= MOST_JUMPS {
+        if !(jumps[0] || jumps[1]) || self.course.usual.is_none() || self.jumped >= MOST_JUMPS {
             return None;
         }
         let (quantity, change) = if jumps[1] {
@@ -222,32 +209,28 @@ impl ImuCheck {
 
     #[inline]
     fn stuck(&self, sample: &ImuSample) -> Option<ImuFault> {
-        let readings = match self.limits.stuck_after {
-            0 => return None,
-            _ => self.equal_with(sample),
-        };
-        (readings >= self.limits.stuck_after).then_some(ImuFault::Stuck { readings })
-    }
-
-    /// How many readings in a row are equal with this one.
-    fn equal_with(&self, sample: &ImuSample) -> u32 {
-        let is_equal =
-            |last: ImuSample| last.rate_p_radps == sample.rate_p_radps && last.force_p_mps2 == sample.force_p_mps2;
-        if self.last.is_some_and(is_equal) {
-            self.equal.saturating_add(1)
-        } else {
-            1
+        let limit = self.limits.stuck_after;
+        if limit == 0 {
+            return None;
         }
+        let equal = self.equal_with(sample);
+        let seldom = (0..AXES).filter(|&axis| self.repeats[axis] < REPEATS);
+        let alone = seldom.map(|axis| equal[axis]).max();
+        let readings = equal.into_iter().min().max(alone)?;
+        (readings >= limit).then_some(ImuFault::Stuck { readings })
     }
-}
 
-/// Largest change on an axis from another reading, of the angular rate, rad/s, and of the specific force, m/s².
-#[inline]
-fn change(sample: &ImuSample, from: &ImuSample) -> [f64; 2] {
-    [
-        (sample.rate_p_radps - from.rate_p_radps).0.amax(),
-        (sample.force_p_mps2 - from.force_p_mps2).0.amax(),
-    ]
+    /// How many readings in a row are equal with this one on each axis.
+    fn equal_with(&self, sample: &ImuSample) -> [u32; AXES] {
+        let Some(last) = &self.last else {
+            return [1; AXES];
+        };
+        let (changes, mut equal) = (changes(sample, last), self.equal);
+        for (equal, change) in equal.iter_mut().zip(changes) {
+            *equal = if change == 0.0 { equal.saturating_add(1) } else { 1 };
+        }
+        equal
+    }
 }
 
 #[cfg(test)]

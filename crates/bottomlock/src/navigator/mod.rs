@@ -10,6 +10,7 @@ pub mod events;
 pub mod first_readings;
 mod history;
 pub(crate) mod imu_check;
+mod imu_course;
 mod late;
 pub mod live;
 mod measurable;
