@@ -132,7 +132,8 @@ def test_an_axis_that_departs_for_a_moment_is_never_ok_and_wrong(
 
 def test_an_axis_that_stops_is_unsafe() -> None:
     """The other five read on."""
-    engine, states, last = Engine(config("navigation")), set(), b""
+    stuck = config("navigation", change=("[start]", "limits.stuck_after = 25\n[start]"))
+    engine, states, last = Engine(stuck), set(), b""
     for arrival_ns, source, data in World(6.0).arrivals(imu=True):
         sent = data
         if source == 1:

@@ -10,7 +10,7 @@ from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
 from bottomlock.config.section import Earth, InFolder, Section, Vector, shown
 from bottomlock.config.sensors import AidingSections, DepthErrors
 from bottomlock.io.formats import LIVE
-from bottomlock.kernel import RECOMMENDED_METHOD, Method, models
+from bottomlock.kernel import RECOMMENDED_METHOD, Method
 from bottomlock.kernel.models import Finite, NonNegative, Positive
 from bottomlock.ports.address import checked_by, sink_address, source_address
 from bottomlock.ports.estimate import VelocityMethod
@@ -42,12 +42,6 @@ else:
     ]
 
 
-class LiveLimits(ImuLimits, kernel=models.ImuLimits):
-    """What readings of an instrument at work are checked against: it does not stand still (docs/imu_faults.md)."""
-
-    stuck_after: Annotated[int, Field(ge=0, le=1_000_000), shown(unit="1")] = 25
-
-
 class ImuSection(Reordered, Imu):
     """Inertial sensors: rate, errors and limits as in a scenario, and their axes and mounting.
 
@@ -62,7 +56,6 @@ class ImuSection(Reordered, Imu):
     """rotation from sensor to platform axes: pitch"""
     mounting_yaw_deg: Angle = 0.0
     """rotation from sensor to platform axes: yaw"""
-    limits: LiveLimits = LiveLimits()
 
     @model_validator(mode="after")
     def _bridges_gaps(self) -> Self:
