@@ -106,6 +106,7 @@ app = App(
     ),
     version=lambda: importlib.metadata.version("bottomlock"),
     version_flags=["--version", "-V"],
+    suppress_keyboard_interrupt=False,  # `__main__` answers it, in whatever import it comes
     console=help_console,
 )
 for _job, _commands in JOBS.items():
