@@ -169,6 +169,7 @@ def _cases() -> Iterator[Row]:
     yield case("07 frozen depth", json, "frozen depth")
     yield case("07 depth jumps", json, "depth jumps")
     yield case("07 depth drifts, gps", velocity + " gps", "depth drifts")
+    yield case("07 depth drifts, no IMU", "velocity depth ahrs gps", "depth drifts")
     yield case("08 compass jumps", json, "compass jumps", seconds=240.0)
     yield case("08 compass jumps, gps", json + " gps", "compass jumps", seconds=240.0)
     for seed in (3, 6, 7):

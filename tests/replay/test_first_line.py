@@ -9,8 +9,8 @@ from tools.first_line import is_right, run
 from tools.first_line_rows import rows
 
 DOUBTFUL = {
-    "case: 07 depth jumps", "case: 07 depth drifts, gps", "case: 22 clock set after 40 s",
-    "mistake: beams 1 and 2 dead, gps",
+    "case: 07 depth jumps", "case: 07 depth drifts, gps", "case: 07 depth drifts, no IMU",
+    "case: 22 clock set after 40 s", "mistake: beams 1 and 2 dead, gps",
 }  # fmt: skip
 """Nothing tells which part is right; a part of the dive, or two beams, are missing."""
 ROWS = {row.name: row for row in rows()}
@@ -39,6 +39,7 @@ ROWS = {row.name: row for row in rows()}
         ("mistake: beam 1 dead, table", "partly"),
         ("mistake: beams 1 and 2 dead, gps", "partly"),
         ("case: 07 depth drifts, gps", "partly"),
+        ("case: 07 depth drifts, no IMU", "partly"),
         ("mistake: velocity forward, left, down, gps", "yes"),
         ("case: 07 frozen depth", "partly"),
         ("case: 08 compass jumps", "partly"),

@@ -1,6 +1,7 @@
 """Checks of single parts of a case: closure of the beams, the start, the depth, the recorded heading."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -9,19 +10,22 @@ from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_motion import LENGTH_S
-from bottomlock.recordings.stream_sections import DepthStream
-from bottomlock.recordings.streams import Floats, Integers
+from bottomlock.recordings.stream_sections import AttitudeStream, DepthStream
+from bottomlock.recordings.streams import Attitudes, Floats, Integers
 from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.limits import SMALL_CLAIM, WRONG_CLAIM
 from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
+from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.streams import Streams
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 SIGMAS = 5.0
 NEAR_S = 3.0
+LEVEL_SD_RAD = np.deg2rad(0.5)
+"""1 sigma of roll and pitch of a DVL that nothing tells: what a careful installation leaves."""
 FEWEST_SEGMENTS = 6
 """Segments from which a drift of the depth is told from their scatter."""
 
@@ -118,50 +122,54 @@ def velocity_finding(alignment: Alignment, time_ns: Integers, velocity_p: Floats
     )  # fmt: skip
 
 
-def depth_finding(
-    case: Case, streams: Streams, recorded: Recorded, match: Match, tight: Mapping[str, float]
-) -> Finding | None:
-    """Depth against the vertical velocity of the DVL, whose vertical is gravity as integrated.
+@dataclass(frozen=True, eq=False)
+class Sinking:
+    """Velocity of the DVL at pings (p,), in segments in which a drift hardly shows.
 
-    Args:
-        case, streams: the case and its recording.
-        recorded: readings and velocities, as the match was made with.
-        match: of both.
-        tight: 1 sigma of every parameter as the case states it.
+    Attributes:
+        time_ns, segment: (p,) times, and numbers of the segments.
+        velocity_p_mps, down_mps: (p, 3) in platform axes, (p,) down.
+        sd_mps: noise of a velocity.
+        mounting_rad, level_rad: 1 sigma of roll and pitch of the DVL, and of the vertical.
     """
-    if case.depth is None or streams.depths is None:
-        return None
-    found = vertical_velocity(recorded, match)
-    if found is None:
-        return None
-    time_ns, segment, down_mps = found
+
+    time_ns: Integers
+    segment: Integers
+    velocity_p_mps: Floats
+    down_mps: Floats
+    sd_mps: float
+    mounting_rad: float
+    level_rad: float
+
+
+def depth_finding(case: Case, streams: Streams, sinking: Sinking | None) -> Finding | None:
+    """Depth against the vertical velocity of the DVL."""
     depths = streams.depths
-    inside = (time_ns >= depths.time_ns[0]) & (time_ns <= depths.time_ns[-1])
-    time_ns, segment, down_mps = time_ns[inside], segment[inside], down_mps[inside]
-    if len(time_ns) < LEAST_PINGS:
+    if case.depth is None or depths is None or sinking is None:
         return None
+    inside = (sinking.time_ns >= depths.time_ns[0]) & (sinking.time_ns <= depths.time_ns[-1])
+    if inside.sum() < LEAST_PINGS:
+        return None
+    time_ns, segment = sinking.time_ns[inside], sinking.segment[inside]
     depth = np.interp(time_ns * 1e-9, depths.time_ns * 1e-9, depths.depth_m)
     # Along the axes of the platform: a mounting or a level that is off sinks by a part of each.
-    level = [
-        np.interp(time_ns * 1e-9, recorded.time_ns * 1e-9, one) for one in recorded.velocity_p_mps[:, :2].T
-    ]
+    level = sinking.velocity_p_mps[inside, :2].T
+    rates = (sinking.down_mps[inside], np.hypot(*level), *level)
     parts = []
     for rows in (np.flatnonzero(segment == one) for one in np.unique(segment)):
         if len(rows) >= 4:
             seconds = time_ns[rows] * 1e-9 - time_ns[rows[0]] * 1e-9
-            rates = (down_mps, np.hypot(*level), *level)
             sunk, *gone = (cumulative_trapezoid(rate[rows], seconds, initial=0.0) for rate in rates)
             parts.append([values - values.mean() for values in (sunk, depth[rows], *gone, seconds)])
     if not parts:
         return None
-    # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
-    tilt = float(match.part_sd("rotation")[:2].max())
     step_s = float(np.median(np.diff(time_ns))) * 1e-9
-    off = float(np.hypot(tilt, tight["accel_bias"] / STANDARD_GRAVITY_MPS2))
     B = np.asarray(streams.instrument.geometry.directions_p)
     bias_mps = case.dvl.errors.beam_bias_mps * float(np.sqrt(np.linalg.inv(B.T @ B)[2, 2]))
-    return _slope_finding(case.depth, parts, tilt, match.sigma_mps * step_s) or _drift_finding(
-        parts, off, bias_mps, float(np.ptp(time_ns)) * 1e-9
+    # A mounting that is a little wrong makes a part of the distance gone one of the distance sunk.
+    tilt = float(np.hypot(sinking.mounting_rad, sinking.level_rad))
+    return _slope_finding(case.depth, parts, sinking.mounting_rad, sinking.sd_mps * step_s) or _drift_finding(
+        parts, tilt, bias_mps, float(np.ptp(time_ns)) * 1e-9
     )
 
 
@@ -188,7 +196,7 @@ def _slope_finding(
         "The depth stands still while the DVL sinks and rises." if stands else
         "The depth has the wrong sign: it rises when the vehicle sinks." if wrong_way else
         f"The depth changes {slope:.3g} times as much as the DVL says.",
-        f"Depth over the distance sunk by DVL and IMU in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
+        f"Depth over the distance sunk by the DVL in segments of {LENGTH_S:.0f} s: slope {slope:+.2f} ± {sd:.2g}, "
         "expected +1.",
         f"Set depth.up = {str(not stated.up).lower()}." if wrong_way else
         "Leave [depth] out: its sensor stands still." if stands else
@@ -233,8 +241,8 @@ def _drift_finding(
     return Finding(
         "depth_drift", "warning", (rate / sd) ** 2,
         f"The depth drifts by {rate * seconds:+.2g} m in {seconds:.0f} s against the DVL's vertical velocity.",
-        f"In segments of {LENGTH_S:.0f} s it gains {1e3 * rate:+.1f} ± {1e3 * sd:.1g} mm/s on the distance sunk by DVL "
-        "and IMU.",
+        f"In segments of {LENGTH_S:.0f} s it gains {1e3 * rate:+.1f} ± {1e3 * sd:.1g} mm/s on the distance sunk by the "
+        "DVL.",
         "Check the depth sensor; or the mounting of the DVL, roll and pitch, is off by more than its 1 sigma.",
         "depth.file", expected="no drift",
     )  # fmt: skip
@@ -311,24 +319,50 @@ def heading_finding(case: Case, alignment: Alignment, streams: Streams) -> Findi
     return None
 
 
-def vertical_velocity(recorded: Recorded, match: Match) -> tuple[Integers, Integers, Floats] | None:
-    """Times (p,), segments (p,) and velocities down, m/s, (p,); None without a whole segment.
+def sinking_by_imu(recorded: Recorded, match: Match, accel_bias_mps2: float) -> Sinking | None:
+    """The velocity down by gravity as integrated; None without a whole segment.
 
     Args:
         recorded: readings and velocities, as the match was made with.
         match: axes, rotation, clock and biases; its slopes are gravity.
+        accel_bias_mps2: 1 sigma, which tilts that.
     """
     motion = recorded.integrated(match.part("gyro_bias"))
     if motion is None:
         return None
-    velocity = recorded.velocity_p_mps
     moved = recorded.time_ns + round(float(match.part("clock")[0]) * 1e9)
     at = motion.at(moved)
     if len(at.begins_ns) != len(match.level_p):
         return None
-    v = velocity[at.kept] @ (match.rotation @ match.axes).T
-    down = match.level_p[at.segment]
-    return moved[at.kept], at.segment, np.einsum("pi,pij,pj->p", down, at.C, v)
+    velocity = recorded.velocity_p_mps[at.kept]
+    down = np.einsum(
+        "pi,pij,pj->p", match.level_p[at.segment], at.C, velocity @ (match.rotation @ match.axes).T
+    )
+    return Sinking(
+        moved[at.kept], at.segment, velocity, down, match.sigma_mps,
+        float(match.part_sd("rotation")[:2].max()), accel_bias_mps2 / STANDARD_GRAVITY_MPS2,
+    )  # fmt: skip
+
+
+def sinking_by_attitude(
+    stream: AttitudeStream, attitudes: Attitudes, time_ns: Integers, velocity_p: Floats, sd_mps: float
+) -> Sinking | None:
+    """The velocity down by a recorded attitude; None where that does not cover two pings.
+
+    Args:
+        stream: what the case claims of the attitude.
+        attitudes: as recorded.
+        time_ns, velocity_p, sd_mps: (p,), (p, 3) pings, and their noise.
+    """
+    inside = (time_ns >= attitudes.time_ns[0]) & (time_ns <= attitudes.time_ns[-1])
+    time_ns, velocity_p = time_ns[inside], velocity_p[inside]
+    if len(time_ns) < LEAST_PINGS:
+        return None
+    down = attitudes.at(time_ns).apply(velocity_p)[:, 2]
+    errors = attitude_errors(stream)
+    level = float(np.hypot(errors.offset_sd_rad[0], errors.walk_sd_rad[0]))
+    segment = (time_ns - time_ns[0]) // round(LENGTH_S * 1e9)
+    return Sinking(time_ns, segment, velocity_p, down, sd_mps, LEVEL_SD_RAD, level)
 
 
 def closure_words(prepared: PreparedRun) -> list[str]:

@@ -217,6 +217,10 @@ def _causes(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> list[Fi
     # Readings that are made from the attitude and the DVL itself say nothing about the DVL.
     if len(time_ns) > LEAST_PINGS and isinstance(case.imu, ImuStream):
         found += _against_imu(case, prepared, time_ns, velocity, gyros)
+    elif len(time_ns) > LEAST_PINGS and case.attitude is not None and streams.attitudes is not None:
+        sd_mps = _noise_mps(prepared)
+        sinking = checks.sinking_by_attitude(case.attitude, streams.attitudes, time_ns, velocity, sd_mps)
+        found.append(checks.depth_finding(case, streams, sinking))
     against = attitude_findings(case, gyros)
     moved = {one.kind for one in found if one is not None}
     # One unit has one finding; and axes that are wrong turn the attitude against the IMU too.
@@ -257,16 +261,12 @@ def _against_imu(
     )  # fmt: skip
     model = prepared.model.imu
     tight = tight_priors(model.gyro_bias_sd_radps, model.accel_bias_sd_mps2)
-    B = np.asarray(streams.instrument.geometry.directions_p)
-    whole = streams.beams.velocity_mps[streams.beams.valid.all(axis=1)]
-    measured = float(np.nan_to_num(closure_sd(B, whole))) if len(whole) >= LEAST_PINGS else 0.0
-    beam_sd = max(float(streams.instrument.beam_sd_mps.mean()), measured)
-    noise = float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
     known = gyros is not None and 1.0 / NEAR < gyros.slope < NEAR
-    comparison = compare(recorded, tight, noise, unit_is_right=known)
+    comparison = compare(recorded, tight, _noise_mps(prepared), unit_is_right=known)
     if comparison is None:
         return []
     # About the axis around which the beams are arranged.
+    B = np.asarray(streams.instrument.geometry.directions_p)
     down = B.mean(axis=0) / max(float(np.linalg.norm(B.mean(axis=0))), 1e-9)
     tilt = float(np.mean(np.arccos(np.clip(np.abs(B @ down), -1.0, 1.0))))
     found: list[Finding | None] = [
@@ -277,8 +277,19 @@ def _against_imu(
     factor = comparison.causes[0].mistake.gyros if comparison.causes else 1.0
     if np.all(np.asarray(factor) == 1.0) and abs(best.gravity - 9.81) < 0.5:
         found.append(checks.level_finding(alignment, best))
-        found.append(checks.depth_finding(case, streams, recorded, best, tight))
+        sinking = checks.sinking_by_imu(recorded, best, tight["accel_bias"])
+        found.append(checks.depth_finding(case, streams, sinking))
     return found
+
+
+def _noise_mps(prepared: PreparedRun) -> float:
+    """Noise of a velocity, per axis, as claimed or as the closure shows, whichever is more."""
+    beams, instrument = prepared.streams.beams, prepared.streams.instrument
+    B = np.asarray(instrument.geometry.directions_p)
+    whole = beams.velocity_mps[beams.valid.all(axis=1)]
+    measured = float(np.nan_to_num(closure_sd(B, whole))) if len(whole) >= LEAST_PINGS else 0.0
+    beam_sd = max(float(instrument.beam_sd_mps.mean()), measured)
+    return float(beam_sd * np.sqrt(np.trace(np.linalg.pinv(B.T @ B)) / 3.0))
 
 
 def _track(case: Case, prepared: PreparedRun, samples: pl.DataFrame) -> Finding | None:
