@@ -108,7 +108,9 @@ def test_a_false_beam_does_not_give_the_velocity_of_the_start() -> None:
 def imu_fields(data: bytes, column: int, change: float | bytes) -> bytes:
     """A line of the IMU with one of its six numbers changed by so much, or replaced."""
     fields = data.partition(b"*")[0].split(b",")
-    fields[column + 1] = change if isinstance(change, bytes) else b"%.9g" % (float(fields[column + 1]) + change)
+    fields[column + 1] = (
+        change if isinstance(change, bytes) else b"%.9g" % (float(fields[column + 1]) + change)
+    )
     line = b",".join(fields)
     return line + b"*%02X\n" % xor_of(line)
 
