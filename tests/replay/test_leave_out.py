@@ -6,7 +6,7 @@ import pytest
 
 from bottomlock.files.replay_tables import SCORES
 from bottomlock.kernel import BeamGeometry
-from bottomlock.replay.leave_out import VelocityWalk, leave_out, over_sets, random_walk, reference_pings
+from bottomlock.replay.leave_out import leave_out, over_sets, random_walk, reference_pings
 
 JANUS = BeamGeometry.janus(np.deg2rad(25.0))
 SD = np.full(4, 0.02)
@@ -41,7 +41,7 @@ def test_prior_is_that_of_a_literal_kalman_filter() -> None:
     time_ns, _, beams = walking(60)
     valid = np.ones((60, 4), dtype=bool)
     valid[20:30, 2:] = False
-    priors = random_walk(JANUS, time_ns, beams, valid, SD, VelocityWalk())
+    priors = random_walk(JANUS, time_ns, beams, valid, SD)
     v, P = np.zeros(3), np.eye(3)
     for k in range(60):
         if k:

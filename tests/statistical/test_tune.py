@@ -42,7 +42,7 @@ def each(of: Callable[[int], tuple[float, ...]], seeds: Sequence[int]) -> NDArra
 def errors_over_sd(seed: int) -> tuple[float, ...]:
     """Error of each logarithm over its claimed sigma; begun as a grade of instrument is off."""
     kind = KINDS[seed % len(KINDS)]
-    dived = dive(seed, kind)
+    dived = dive(seed, kind, rate_hz=10.0)
     rng = np.random.default_rng(seed + 1000)
     factors = np.exp(rng.normal(0.0, 0.7, len(TUNED)))
     begun = dict(kind) | {name: kind[name] * factor for name, factor in zip(TUNED, factors, strict=True)}
@@ -53,7 +53,7 @@ def errors_over_sd(seed: int) -> tuple[float, ...]:
         read = Recording.read(load_case(write_case(Path(folder), dived)))
         recording = replace(read, valid=np.ones_like(read.valid))
         criterion = Criterion(recording, recording.passes(horizons_of(418.0)), noise, executor)
-        found = criterion.best([criterion.start], lambda _: None)
+        found = criterion.best([criterion.start], lambda *_: None)
     true = np.log([kind[name] * unit for name, (_, unit) in TUNED.items()])
     return tuple((found.at - true) / criterion.uncertainty(found, 60.0))
 

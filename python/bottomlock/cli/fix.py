@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from bottomlock.io.beams import Instrument, Pings
     from bottomlock.kernel import FixMethod
     from bottomlock.replay.beam_noise import BeamNoise
-    from bottomlock.replay.leave_out import VelocityWalk
     from bottomlock.replay.robust_fix import RobustFixes
 
 
@@ -58,7 +57,7 @@ def score(
     pings: Pings,
     *,
     beams: int,
-    walk: VelocityWalk,
+    walk_mps_rts: float,
     closure_gate: float,
     robust: bool,
     out: Path | None,
@@ -77,9 +76,9 @@ def score(
 
     check_option(
         "--walk-mps-per-rt-s",
-        walk.walk_mps_rts,
+        walk_mps_rts,
         "more than 0 m/s/√s",
-        holds=0.0 < walk.walk_mps_rts < math.inf,
+        holds=0.0 < walk_mps_rts < math.inf,
     )
     check_option("--closure-gate", closure_gate, "0 or more", holds=closure_gate >= 0.0)
     scores = leave_out(
@@ -89,7 +88,7 @@ def score(
         pings.valid,
         instrument.beam_sd_mps,
         beams=beams,
-        walk=walk,
+        walk_mps_rts=walk_mps_rts,
         closure_gate=closure_gate or None,
         robust=robust,
         instrument_valid=pings.instrument_valid,
@@ -177,7 +176,6 @@ def fix(
     from bottomlock.io.beams import read_beams, read_geometry
     from bottomlock.io.formats import converted_first
     from bottomlock.kernel import fix_method
-    from bottomlock.replay.leave_out import VelocityWalk
 
     geometry = geometry_of(log, geometry)
     if geometry is None:
@@ -200,9 +198,10 @@ def fix(
             raise ScenarioError(
                 "every method is scored", place="--method and --leave-out", hint="give one of the two"
             )
-        walk = VelocityWalk(walk_mps_rts=walk_mps_per_rt_s)
-        given: dict[str, Any] = {"beams": leave_out, "walk": walk, "closure_gate": closure_gate}
-        score(log.name, instrument, pings, robust=robust, out=out, **given)
+        score(
+            log.name, instrument, pings, beams=leave_out, walk_mps_rts=walk_mps_per_rt_s,
+            closure_gate=closure_gate, robust=robust, out=out,
+        )  # fmt: skip
         return
     assert out is not None  # without --leave-out it has a default
     _require_lock(pings, str(log))

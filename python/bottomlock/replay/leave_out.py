@@ -35,12 +35,10 @@ SAME_MPS = 1e-6
 """Standard deviations of a difference below this are rounding: both velocities come from the same rows."""
 
 
-@dataclass(frozen=True)
-class VelocityWalk:
-    """Random-walk model of the velocity: m/s per root second and axis, with initial 1 sigma `start_sd_mps`."""
-
-    walk_mps_rts: float = 0.1
-    start_sd_mps: float = 1.0
+WALK_MPS_RTS = 0.1
+"""Random walk of the velocity, m/s per root second and axis."""
+START_SD_MPS = 1.0
+"""1 sigma of the velocity before the first ping."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +55,7 @@ def random_walk(
     velocity_mps: Floats,
     valid: Flags,
     sd_mps: Floats,
-    walk: VelocityWalk,
+    walk_mps_rts: float = WALK_MPS_RTS,
 ) -> Priors:
     """Predictions of a Kalman filter of the velocity alone, updated with the valid beams of every ping.
 
@@ -66,11 +64,11 @@ def random_walk(
     """
     sd_mps = np.broadcast_to(sd_mps, velocity_mps.shape)
     B = np.asarray(geometry.directions_p)
-    v, P = np.zeros(3), np.eye(3) * walk.start_sd_mps**2
+    v, P = np.zeros(3), np.eye(3) * START_SD_MPS**2
     velocity, cov = np.empty((len(time_ns), 3)), np.empty((len(time_ns), 3, 3))
     before_ns = int(time_ns[0])
     for k, now_ns in enumerate(time_ns):
-        P = P + np.eye(3) * walk.walk_mps_rts**2 * (int(now_ns) - before_ns) * 1e-9
+        P = P + np.eye(3) * walk_mps_rts**2 * (int(now_ns) - before_ns) * 1e-9
         before_ns = int(now_ns)
         velocity[k], cov[k] = v, P
         rows = valid[k]
@@ -95,7 +93,7 @@ def leave_out(
     sd_mps: Floats,
     *,
     beams: int,
-    walk: VelocityWalk | None = None,
+    walk_mps_rts: float = WALK_MPS_RTS,
     closure_gate: float | None = 3.0,
     robust: bool = True,
     instrument_valid: Flags | None = None,
@@ -109,7 +107,7 @@ def leave_out(
         valid: (n, B) validity.
         sd_mps: (B,) noise of the beams, 1 sigma.
         beams: number of beams left out at a time.
-        walk: model of the prior.
+        walk_mps_rts: random walk of the velocity, for the prior.
         closure_gate: pings whose closure residual exceeds this many robust sigmas (of the recording itself) are not
             scored; None scores all.
         robust: noise and tail as measured on the closure, prior without outliers; otherwise as claimed, and Gaussian.
@@ -134,7 +132,7 @@ def leave_out(
         noise = measure_noise(geometry, velocity_mps, valid, sd_mps, instrument_valid)
         screened = screen_beams(geometry, time_ns, velocity_mps, valid, sd_mps, noise)
         shown_before, sd_before = screened.valid, screened.factor[:, None] * sd_mps
-    priors = random_walk(geometry, time_ns, velocity_mps, shown_before, sd_before, walk or VelocityWalk())
+    priors = random_walk(geometry, time_ns, velocity_mps, shown_before, sd_before, walk_mps_rts)
     scored = reference_pings(geometry, velocity_mps, valid, closure_gate)
     if not scored.any():
         raise DataError(
@@ -203,10 +201,8 @@ class _Scored:
         information = fixes.information_s2pm2
         cov = np.linalg.inv(np.linalg.inv(self.priors.cov_m2ps2) + information)
         innovation = fixes.observed_velocity_p_mps - self.priors.velocity_p_mps
-        gain = cov @ information
-        return np.asarray(self.priors.velocity_p_mps + np.einsum("nij,nj->ni", gain, innovation)), np.asarray(
-            cov
-        )
+        change = (cov @ information @ innovation[:, :, None])[:, :, 0]
+        return np.asarray(self.priors.velocity_p_mps + change), np.asarray(cov)
 
     def response(self, shown: Flags, method: FixMethod) -> Floats:
         """(n, 3, 3) derivative of a method's velocity by the true velocity, through the beams only.

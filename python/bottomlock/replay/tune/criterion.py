@@ -20,6 +20,7 @@ from bottomlock.recordings.streams import Floats
 from bottomlock.replay.tune.parameters import PRIOR_SD, Parameter
 from bottomlock.replay.tune.passes import Pass, Recording
 
+Progress = Callable[[float, int], None]
 TAIL = 1e-3
 """Probability beyond which an innovation squared counts as an outlier."""
 STEP = 0.005
@@ -48,14 +49,12 @@ class Innovations:
     """
 
     def __init__(self, parts: Sequence[Mapping[str, Any]], from_ns: int) -> None:
-        names, width = ("horizon_s", "time_ns", "rows"), max(part["residual"].shape[1] for part in parts)
-        table = pl.concat(
-            pl.DataFrame(
-                {"sensor": [part["sensor"]] * len(part["rows"])} | {name: part[name] for name in names}
-            )
-            for part in parts
-        )
-        kept = (table["time_ns"] >= from_ns).to_numpy()
+        width, sizes = max(part["residual"].shape[1] for part in parts), [len(part["rows"]) for part in parts]
+        columns = {
+            name: np.concatenate([part[name] for part in parts]) for name in ("horizon_s", "time_ns", "rows")
+        }
+        columns["sensor"] = np.repeat([part["sensor"] for part in parts], sizes)
+        kept = columns["time_ns"] >= from_ns
         residual, covariance = (
             np.concatenate([_padded(part[name], width) for part in parts])[kept]
             for name in ("residual", "covariance")
@@ -63,14 +62,14 @@ class Innovations:
         self.residual = np.nan_to_num(residual)
         self.covariance = np.where(np.isnan(covariance), np.eye(width), covariance)
         self.whitening = np.linalg.inv(np.linalg.cholesky(self.covariance))
-        rows = table["rows"].to_numpy()[kept]
+        rows = columns["rows"][kept]
         nis = (self.white**2).sum(axis=1)
         # Beyond the bound that good innovations exceed once in 1/TAIL its tangent in the root of the NIS.
-        bound = chi2.isf(TAIL, rows)
+        bound = chi2.isf(TAIL, np.arange(width + 1))[rows]
         loss = np.where(nis <= bound, nis, 2.0 * np.sqrt(bound * np.maximum(nis, bound)) - bound)
         log_det = -2.0 * np.log(np.diagonal(self.whitening, axis1=1, axis2=2)).sum(axis=1)
-        value = 0.5 * (loss + rows * np.log(2.0 * np.pi) + log_det)
-        self.table = table.filter(kept).with_columns(nis=pl.Series(nis), value=pl.Series(value))
+        scores = {"nis": nis, "value": 0.5 * (loss + rows * np.log(2.0 * np.pi) + log_det)}
+        self.table = pl.DataFrame({name: column[kept] for name, column in columns.items()} | scores)
 
     @property
     def white(self) -> Floats:
@@ -125,6 +124,7 @@ class Criterion:
         from_ns: time before which nothing is scored.
         weights: (n,) of the innovations; every sensor and horizon counts as many innovations as the rarest has.
         flown: number of passes so far.
+        left: part of the work before its search, which does half of it: another one may follow.
     """
 
     recording: Recording
@@ -133,6 +133,7 @@ class Criterion:
     executor: Executor
     from_ns: int = 0
     flown: int = 0
+    left: float = 1.0
     weights: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
@@ -193,12 +194,12 @@ class Criterion:
         gradient = gradients.sum(axis=0) + precision * (at - self.start)
         return Expansion(at, value, here, gradients, squares, gradient, information)
 
-    def best(self, starts: Sequence[Floats], progress: Callable[[float], None]) -> Expansion:
+    def best(self, starts: Sequence[Floats], progress: Progress) -> Expansion:
         """The best place, searched from the best of some starts on.
 
         Args:
             starts: coordinates (P,) of each.
-            progress: called after each iteration with the part of the search that is done.
+            progress: called after each iteration with the part that is done, and the number of passes.
 
         Raises:
             DataError: where the filter fails at every start.
@@ -216,7 +217,8 @@ class Criterion:
                 max(float(np.log(one.gain_left / SETTLED)), 0.0)
                 for one in (expand(intermediate_result.x.tobytes()), begun)
             )
-            progress(1.0 - min(left / first, 1.0) if first else 1.0)
+            done = 1.0 - min(left / first, 1.0) if first else 1.0
+            progress(1.0 - self.left * (1.0 - 0.5 * done), self.flown)
             if not left:
                 raise StopIteration
 

@@ -3,10 +3,9 @@
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,15 @@ from bottomlock.files.versions import library_versions
 from bottomlock.io.beams import geometry_text
 from bottomlock.replay.case import Case, load_case, parse_case
 from bottomlock.replay.run import file_digests
-from bottomlock.replay.tune.criterion import FAILED, SETTLED, TERM, Criterion, Innovations, block_sums
+from bottomlock.replay.tune.criterion import (
+    FAILED,
+    SETTLED,
+    TERM,
+    Criterion,
+    Innovations,
+    Progress,
+    block_sums,
+)
 from bottomlock.replay.tune.parameters import INERTIAL_NOISE, PRIOR_SD, Parameter
 from bottomlock.replay.tune.passes import RECOVERY_S, Pass, Recording, horizons_of
 
@@ -34,7 +41,6 @@ DETERMINED = 0.5
 """Part of the prior's 1 sigma below which a parameter counts as determined by the recording."""
 GAIN_SIGMAS = 2.0
 """Gain on the rest, in its 1 sigma, from which on new values are better by more than chance."""
-Progress = Callable[[float, int], None]
 
 
 @dataclass(frozen=True)
@@ -204,8 +210,8 @@ def _estimate(
     factors = np.array([one.key in INERTIAL_NOISE for one in noise])
     starts = [np.log([one.start for one in noise]) + factors * np.log(factor) for factor in START_FACTORS]
     while noise:
-        criterion = Criterion(recording, passes, noise, executor, flown=flown)
-        found = criterion.best(starts, partial(_report, progress, criterion, left))
+        criterion = Criterion(recording, passes, noise, executor, flown=flown, left=left)
+        found = criterion.best(starts, progress)
         before = np.tile(found.at, (len(noise), 1))
         np.fill_diagonal(before, criterion.start)
         gains = [value - found.value for value, _ in criterion.at(list(before))]
@@ -217,11 +223,6 @@ def _estimate(
         starts = [found.at[kept]]
         noise = tuple(noise[k] for k in kept) if len(kept) < len(noise) else ()
     return tuned, has_settled, flown
-
-
-def _report(progress: Progress, criterion: Criterion, left: float, done: float) -> None:
-    """Progress of a search, in what those before it have left; each may be followed by another."""
-    progress(1.0 - left * (1.0 - 0.5 * done), criterion.flown)
 
 
 def terms_of(innovations: Innovations | None) -> list[dict[str, Any]]:
