@@ -96,3 +96,24 @@ class MotionErrors(Section):
             accel_noise_mps_rts=accel_noise_mps_rts, gyro_noise_rad_rts=gyro_noise_rad_rts, accel_bias_sd_mps2=0.0,
             gyro_bias_sd_radps=0.0, accel_bias_walk_mps2_rts=0.0, gyro_bias_walk_radps_rts=0.0,
         )  # fmt: skip
+
+
+UNKNOWN_RAD = math.radians(60.0)
+"""1 sigma of the heading at the start from which it is unknown."""
+GOOD_GYROS = 0.3
+"""1 sigma of the gyros' offsets over the Earth's rate up to which they may tell the heading: 5 deg/h."""
+
+
+def without_gyrocompass(model: models.Model) -> models.Model:
+    """The model where the heading is unknown and the gyros are no better than the Earth's rate; else as it is.
+
+    That rate then counts as a part of the gyros' offsets: its level part turns with the heading, and linear in an error
+    of 180 degrees it would tell a heading that it does not know.
+    """
+    offset_radps, earth_radps = model.imu.gyro_bias_sd_radps, model.environment.earth_rate_radps
+    if model.initial.attitude_sd_rad[2] <= UNKNOWN_RAD or offset_radps <= GOOD_GYROS * earth_radps:
+        return model
+    return model.replace(
+        environment=model.environment.replace(earth_rate_radps=0.0),
+        imu=model.imu.replace(gyro_bias_sd_radps=math.hypot(offset_radps, earth_radps)),
+    )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
+from bottomlock.config.imu import without_gyrocompass
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.models import InitialState
@@ -440,7 +441,7 @@ class AlignedNavigator:
         self._begin(
             Navigator(
                 self._instrument.geometry,
-                model,
+                without_gyrocompass(model),
                 self._settings.options,
                 state,
                 method=self._config.navigation.method,

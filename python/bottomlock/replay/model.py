@@ -2,21 +2,15 @@
 
 from typing import Any
 
-import numpy as np
-
-from bottomlock.config.imu import WEIGHTLESS_MPS2
+from bottomlock.config.imu import WEIGHTLESS_MPS2, without_gyrocompass
 from bottomlock.io.beams import Instrument
-from bottomlock.kernel import EARTH_RATE_RADPS, normal_gravity_mps2
+from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options
 from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.replay.case import Case
 from bottomlock.replay.streams import Streams, VehicleMotion
 
-UNKNOWN_RAD = float(np.deg2rad(60.0))
-"""1 sigma of the heading at the start from which it is unknown."""
-GOOD_GYROS = 0.3
-"""1 sigma of the gyros' offsets over the Earth's rate up to which they may tell the heading: 5 deg/h."""
 BEYOND_PRIOR = 5.0
 """White noise of the accelerations over that of the prior's changes: what both say counts for a twenty-fifth."""
 
@@ -62,26 +56,14 @@ def gravity_mps2(case: Case, streams: Streams) -> float:
 
 
 def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialModel, gravity: float) -> Model:
-    """Environment, sensor errors and initial standard deviations, as the kernel takes them.
-
-    Where the heading is unknown and the gyros are no better than the Earth's rate, that rate counts as a part of their
-    offsets: its level part turns with the heading, and linear in an error of 180 degrees it would tell a heading that
-    it does not know.
-    """
+    """Environment, sensor errors and initial standard deviations, as the kernel takes them: `without_gyrocompass`."""
     sensors: dict[str, Any] = {}
-    earth_rate_radps = EARTH_RATE_RADPS
-    if initial.attitude_sd_rad[2] > UNKNOWN_RAD and imu.gyro_bias_sd_radps > GOOD_GYROS * EARTH_RATE_RADPS:
-        earth_rate_radps = 0.0
-        imu = imu.replace(gyro_bias_sd_radps=float(np.hypot(imu.gyro_bias_sd_radps, EARTH_RATE_RADPS)))
     for sensor in SENSORS:
         section = getattr(case, sensor.name)
         sensors |= {} if section is None else section.kernel_models()
-    return Model(
+    model = Model(
         environment=Environment(
-            latitude_rad=streams.latitude_rad,
-            gravity_mps2=gravity,
-            earth_rate_radps=earth_rate_radps,
-            earth=case.origin.earth,
+            latitude_rad=streams.latitude_rad, gravity_mps2=gravity, earth=case.origin.earth
         ),
         imu=imu,
         dvl=case.dvl.errors.kernel_model(
@@ -90,6 +72,7 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
         initial=initial,
         **sensors,
     )
+    return without_gyrocompass(model)
 
 
 def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | None = None) -> Options:
