@@ -200,6 +200,27 @@ def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: 
     assert answer.change not in {"", "Nothing."}
 
 
+@pytest.mark.parametrize(
+    ("rms_m", "reckoned_rms_m", "verdict", "method"),
+    [
+        (3.9, 16.1, "partly", "tc"),
+        (None, None, "no", METHOD),
+        (16.1, 16.1, "no", METHOD),
+        (14.0, 20.0, "no", METHOD),
+    ],
+)
+def test_a_reference_that_confirms_the_method_alone_clears_it(
+    rms_m: float | None, reckoned_rms_m: float | None, verdict: str, method: str
+) -> None:
+    """A compass that stood still: dead reckoning is 29 m away, and the wrong one."""
+    apart = Agreement("tc", 29.0, 6.9, 20.0, 4.0, 1.0, rms_m, reckoned_rms_m, 1.4)
+    first, state = verdict_finding(SEEN, None, apart)
+    answer = answer_of(
+        evidence(verdict=first, state=state, agreements=(apart,), methods=("tc",), reference=AGREES)
+    )
+    assert (answer.verdict, answer.method) == (verdict, method)
+
+
 UNEXPLAINED = Finding("unexplained", "fault", 1.0, "Nothing explains it.", "", "Check.", "")
 APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, None, None)
 

@@ -61,13 +61,22 @@ class Agreement:
 
     @property
     def leaves(self) -> bool:
-        """Whether the method is further off than both claim."""
-        return self.sigmas > LIMIT
+        """Whether the method is further off than both claim, and the reference does not show that it is right."""
+        return self.sigmas > LIMIT and not self.corrects
 
     @property
     def lost(self) -> bool:
         """Whether it is further off than dead reckoning claims, and says itself that it does not know where it is."""
-        return not self.leaves and self.own_sigmas > LIMIT and self.sd_m > LOST * self.reckoned_sd_m
+        vague = self.own_sigmas > LIMIT and self.sd_m > LOST * self.reckoned_sd_m
+        return vague and not self.leaves and not self.corrects
+
+    @property
+    def corrects(self) -> bool:
+        """Whether the reference confirms the method, and not dead reckoning: a compass that stands still."""
+        if self.rms_m is None or self.reckoned_rms_m is None or self.reckoned_rms_m <= WORSE * self.rms_m:
+            return False
+        explained_m = REFERENCE_SIGMAS * math.hypot(self.sd_m, self.reference_sd_m)
+        return self.rms_m <= explained_m and not self._reckoned_fits
 
     @property
     def beaten(self) -> bool:
@@ -80,8 +89,13 @@ class Agreement:
         """Whether to take dead reckoning, which fits the reference: the method is beaten and over `near_m` off."""
         if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
             return False
+        return self.rms_m > near_m and self._reckoned_fits
+
+    @property
+    def _reckoned_fits(self) -> bool:
+        """Whether its claim and the reference's noise explain the error of dead reckoning."""
         explained_m = REFERENCE_SIGMAS * math.hypot(self.reckoned_sd_m, self.reference_sd_m)
-        return self.rms_m > near_m and self.reckoned_rms_m <= explained_m
+        return self.reckoned_rms_m is not None and self.reckoned_rms_m <= explained_m
 
     @property
     def worse(self) -> bool:
@@ -94,7 +108,7 @@ class Agreement:
     @property
     def vague(self) -> bool:
         """Whether its claim is so much larger than that of dead reckoning that it is of no use."""
-        return self.sd_m > VAGUE * self.reckoned_sd_m
+        return self.sd_m > VAGUE * self.reckoned_sd_m and not self.corrects
 
     def words(self) -> str:
         """The comparison in one sentence."""
