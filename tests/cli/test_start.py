@@ -53,8 +53,6 @@ def test_no_help_imports_what_the_command_works_with() -> None:
         ("replay", "bottomlock.export.formats:FORMATS", None),
         ("study", "bottomlock.studies.cases:SENSORS", None),
         ("simulate-dvl", "bottomlock.instruments.play:EXPECTED", None),
-        ("tune", "bottomlock.replay.tune.passes:MEASURED", None),
-        ("tune", "bottomlock.replay.tune.passes:METHODS", "methods"),
         ("reproduce", "bottomlock.studies.reproduce:RUNS", "runs"),
         ("live-setup", "bottomlock.setup.server:PORT", "port"),
     ],

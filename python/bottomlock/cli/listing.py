@@ -106,6 +106,7 @@ def text_of(name: str) -> str:
 def picture(directions_p: NDArray[np.float64]) -> list[str]:
     """Lines of a plan view of beams (B, 3): numbers where they look, a cross where the instrument is.
 
+    >>> import numpy as np
     >>> picture(np.array([[0.5, 0.0, 0.866], [0.0, 0.5, 0.866], [-0.5, 0.0, 0.866]]))[1].strip()
     '1'
     """
