@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import math
+import sys
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ from bottomlock.cli.common import Force
 from bottomlock.cli.console import console, say
 from bottomlock.cli.parameters import check_ending, check_option
 from bottomlock.encoders.registry import FORMATS, NAMES
-from bottomlock.errors import ScenarioError
+from bottomlock.errors import EXIT_INTERRUPTED, ScenarioError
 
 if TYPE_CHECKING:
     from bottomlock.instruments.play import Channel
@@ -185,7 +186,7 @@ async def _run(
     try:
         await play(parts, speed=pace, opened=opened, offset_ns=shift, sent=sent, wait=wait)
     except asyncio.CancelledError:
-        raise KeyboardInterrupt from None
+        sys.exit(EXIT_INTERRUPTED)
 
 
 def _pace(text: str) -> float | None:
