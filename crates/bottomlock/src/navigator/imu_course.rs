@@ -21,8 +21,8 @@ const FASTEST_CHANGE: [f64; 2] = [50.0, 300.0];
 /// The same over the usual change between readings: vibration is no jump.
 const USUAL: f64 = 15.0;
 /// Change of the angular rate, rad/s², and of the specific force, m/s³, that vehicles make by themselves, and the same over the
-/// usual change. Beyond both an axis departs, and alone where no other one changes by more than `BESIDE` times the usual change: three
-/// times a minute at most in 11 recordings of IMUs, where all axes together do it 19 times a minute.
+/// usual change. Beyond both an axis departs, and alone where no other one changes by more than `BESIDE` times the usual change. Set on
+/// ten recordings of IMUs (59 minutes): of 57 departures 12 are alone, five of these within 32 s. No other recordings were at hand.
 const OWN_CHANGE: [f64; 2] = [1.0, 5.0];
 const OWN_USUAL: f64 = 10.0;
 const BESIDE: f64 = 3.0;
