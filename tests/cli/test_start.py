@@ -35,7 +35,7 @@ def test_no_help_imports_what_the_command_works_with() -> None:
         "from bottomlock.cli.app import main\n"
         f"for words in [['--version'], ['--help'], *([name, '--help'] for name in {list(COMMANDS)!r})]:\n"
         "    sys.argv = ['bottomlock', *words]\n"
-        "    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):\n"
+        "    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
         "        main()\n"
         f"    heavy = set(sys.modules) & {HEAVY!r} - ({ALLOWED!r} if len(words) == 2 else set())\n"
         "    assert not heavy, (words, heavy)\n"

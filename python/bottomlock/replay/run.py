@@ -141,7 +141,7 @@ def fault_words(result: rerun.Rerun) -> list[str]:
     if len(inflated["gap_s"]):
         first_s = (inflated["time_ns"][0] - start_ns) * 1e-9
         words.append(
-            f"imu: intervals without good readings bridged and inflated: {len(inflated['gap_s'])}, the longest "
+            f"imu: intervals of readings rejected, missing or doubted: {len(inflated['gap_s'])}, the longest "
             f"{inflated['gap_s'].max():.3f} s, the first up to {first_s:.3f} s after the start"
         )
     return words

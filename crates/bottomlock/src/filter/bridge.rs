@@ -1,4 +1,4 @@
-//! The covariance over an interval without good inertial readings.
+//! The covariance over an interval without good inertial readings, or with some that are doubted.
 //!
 //! The strapdown step from the last good reading to the next one spans the time T between. Over it the reading is unknown by
 //! σ_f (specific force) and σ_ω (angular rate) on each axis. The filter takes this as white noise of the densities σ_f² T and
@@ -15,7 +15,7 @@ use crate::mechanisation::{ImuLimits, LONGEST_GAP_S};
 /// Largest uncertainty of the attitude after a bridged interval, rad; beyond it no linear filter recovers.
 const LARGEST_ATTITUDE_SD_RAD: f64 = 1.0;
 
-/// Densities of the further process noise of an interval without good readings.
+/// Densities of the further process noise of such an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BridgeNoise {
     /// rad²/s.

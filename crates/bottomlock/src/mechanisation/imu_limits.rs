@@ -226,7 +226,7 @@ impl std::fmt::Display for ImuFault {
                     "{name} {axis} is {value} {unit}, {what} the full scale of {limit} {unit}{hint}"
                 )
             }
-            Self::Stuck { readings } => write!(text, "{readings} equal readings on all axes in a row: stuck"),
+            Self::Stuck { readings } => write!(text, "{readings} equal readings in a row: stuck"),
             Self::Jump {
                 quantity,
                 change,

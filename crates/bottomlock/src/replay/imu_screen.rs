@@ -21,7 +21,7 @@ pub struct RejectedReading {
     pub fault: ImuFault,
 }
 
-/// An interval without good readings whose uncertainty was added to the covariance.
+/// An interval between good readings whose uncertainty was added to the covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BridgedInterval {
     /// Time of the good reading that ends it, ns.
@@ -38,7 +38,7 @@ pub struct ImuFaults {
     pub counts: [u64; IMU_FAULTS.len()],
     /// Every reading that was rejected.
     pub rejected: Vec<RejectedReading>,
-    /// Every interval that was bridged with inflation: after rejected readings, and long gaps.
+    /// Every interval whose uncertainty was added: after rejected or missing readings, and where an axis departs alone.
     pub bridged: Vec<BridgedInterval>,
 }
 

@@ -62,16 +62,16 @@ class Agreement:
     @property
     def leaves(self) -> bool:
         """Whether the method is further off than both claim, and the reference does not show that it is right."""
-        return self.sigmas > LIMIT and not self.corrects
+        return self.sigmas > LIMIT and not self.confirmed_alone
 
     @property
     def lost(self) -> bool:
         """Whether it is further off than dead reckoning claims, and says itself that it does not know where it is."""
         vague = self.own_sigmas > LIMIT and self.sd_m > LOST * self.reckoned_sd_m
-        return vague and not self.leaves and not self.corrects
+        return vague and not self.leaves and not self.confirmed_alone
 
     @property
-    def corrects(self) -> bool:
+    def confirmed_alone(self) -> bool:
         """Whether the reference confirms the method, and not dead reckoning: a compass that stands still."""
         if self.rms_m is None or self.reckoned_rms_m is None or self.reckoned_rms_m <= WORSE * self.rms_m:
             return False
@@ -107,8 +107,8 @@ class Agreement:
 
     @property
     def vague(self) -> bool:
-        """Whether its claim is so much larger than that of dead reckoning that it is of no use."""
-        return self.sd_m > VAGUE * self.reckoned_sd_m and not self.corrects
+        """Whether its claim is so much larger than that of dead reckoning, if that is right, that it is of no use."""
+        return self.sd_m > VAGUE * self.reckoned_sd_m and not self.confirmed_alone
 
     def words(self) -> str:
         """The comparison in one sentence."""

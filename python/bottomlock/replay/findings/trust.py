@@ -279,7 +279,7 @@ def _reasons(evidence: Evidence) -> Iterator[tuple[str, str]]:
             "Dead reckoning is nearer to the reference by more than the claims of both and its noise explain.",
             "Take dead_reckoning; imu.errors and dvl.beam_noise_mps claim less than the filter's error.",
         )
-    if judged is not None and judged.corrects:
+    if judged is not None and judged.confirmed_alone:
         yield (
             f"The reference confirms {judged.method} and not dead reckoning, which is {metres(judged.apart_m)} away.",
             "Look at [attitude]: a compass that stands still, or whose clock or frame changes.",
