@@ -1,7 +1,6 @@
 """Dead reckoning in a campaign: on the filters' own readings, as far off as it claims, null what it has not."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -10,12 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from bottomlock.campaign.build import BuiltScenario, build_scenarios, build_simulations
 from bottomlock.campaign.chunk import Chunk, ChunkTables, run_chunk
-from bottomlock.campaign.run import run_campaign
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.files.campaign_tables import read_campaign_tables
-from bottomlock.report.compare import compare
-from bottomlock.report.page import make_report
 from bottomlock.simulation.sensor_streams import sensor_streams
 
 RECKONING = "dead_reckoning"
@@ -137,17 +132,3 @@ def test_without_a_reference_or_with_feedback_it_is_refused() -> None:
     steered = swims.replace({"heading.enabled": True}).with_overrides(methods=[RECKONING])
     with pytest.raises(ScenarioError, match="steers no vehicle"):
         build_simulations([steered])
-
-
-@pytest.mark.long
-def test_it_goes_through_tables_report_and_comparison(tmp_path: Path) -> None:
-    for name, seed in (("one", 1), ("two", 2)):
-        run_campaign([scenario(**KEYS["heading"]).with_overrides(runs=2, seed=seed)], tmp_path / name)
-    tables = read_campaign_tables(tmp_path / "one")
-    (row,) = of_reckoning(tables.consistency).filter(pl.col("quantity") == "nees").iter_rows(named=True)
-    assert (row["mean"], row["verdict"]) == (None, None)
-    assert of_reckoning(tables.ensemble)["nees_mean_over_runs"].null_count() == 60
-    assert RECKONING in make_report(tmp_path / "one").page.read_text()
-    table = compare([tmp_path / "one", tmp_path / "two"], tmp_path / "compared").table
-    assert "NEES" not in of_reckoning(table)["quantity"].to_list()
-    assert of_reckoning(table).filter(pl.col("quantity") == "position at the end")["value"].is_finite().all()

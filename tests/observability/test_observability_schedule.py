@@ -1,6 +1,5 @@
 """Schedules of measurements: by hand, a scenario's own, and what they do to ranks and deviations."""
 
-import json
 import tomllib
 from collections.abc import Callable
 from importlib import resources
@@ -18,6 +17,7 @@ from bottomlock.observability.report import observe_scenario, scenario_schedule
 from bottomlock.simulation.build import build_simulation
 from bottomlock.simulation.manoeuvres import MANOEUVRES, manoeuvre_truth
 from bottomlock.truth import Truth
+from tests.toml_text import toml
 
 JANUS = BeamGeometry.janus(np.deg2rad(20.0))
 SECOND = 10**9
@@ -37,23 +37,8 @@ def short(duration_s: float = 40.0, /, **sections: dict[str, Any]) -> str:
     del content["dvl"]["beams_lost"]
     for name, change in sections.items():
         content[name] = content.get(name, {}) | change
-    return _toml(content)
-
-
-def _toml(content: dict[str, Any]) -> str:
-    tables = {key: value for key, value in content.items() if isinstance(value, dict)}
-    lines = [f"{key} = {_word(value)}" for key, value in content.items() if key not in tables]
-    for name, table in tables.items():
-        lines += [f"[{name}]", *(f"{key} = {_word(value)}" for key, value in table.items())]
-    return "\n".join(lines)
-
-
-def _word(value: Any) -> str:  # noqa: ANN401 - whatever TOML holds
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_word(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_word(inner) for inner in value) + "]"
-    return json.dumps(value)
+    top = {key: value for key, value in content.items() if not isinstance(value, dict)}
+    return toml({"": top} | {key: value for key, value in content.items() if isinstance(value, dict)})
 
 
 def scheduled(**sections: dict[str, Any]) -> tuple[Schedule, Schedule]:

@@ -103,15 +103,6 @@ def _of(navigator: Navigator) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-@pytest.mark.long
-def test_a_steady_current_leaves_tilt_and_biases_as_the_bottom_would() -> None:
-    """Seen: to 2e-4 (the down axis 2e-3), from the second minute on; the position's sigma is six times as large."""
-    water, bottom = sigmas(), sigmas(bottom=True)
-    for name in ("tilt", "accel_bias", "through_water"):
-        np.testing.assert_allclose(getattr(water, name)[1:], getattr(bottom, name)[1:], rtol=4e-3)
-    assert water.position[-1] > 5.0 * bottom.position[-1]
-
-
 @pytest.mark.parametrize(("sd_mps", "time_s"), [(0.3, 7200.0), (0.1, 1800.0)])
 def test_a_current_that_changes_leaves_them_bounded(sd_mps: float, time_s: float) -> None:
     """Its noise is noise of v − Rᵀc. Seen: tilt and bias at most 8 % above the bottom's, and the down axis as there."""
