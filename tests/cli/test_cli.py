@@ -1,11 +1,6 @@
 """The command as a new user runs it, with mistakes."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import polars as pl
@@ -31,29 +26,6 @@ def test_run_writes_tables_and_prints_one(tmp_path: Path) -> None:
         again.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
         == done.stdout.split("s; tables")[0].rsplit("\n", 1)[0]
     )
-
-
-@pytest.mark.long
-def test_ctrl_c_on_a_cluster_of_this_machine(tmp_path: Path) -> None:
-    """The terminal sends it to all processes: one line about it, and finished chunks are kept."""
-    pytest.importorskip("distributed", reason="not installed: pip install '.[dask]'")
-    call = ["run", "straight", "--runs", "5000", "--engine", "dask", "--threads", "1", "--out", "o"]
-    flight = subprocess.Popen(
-        [sys.executable, "-m", "bottomlock", *call],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    while not list(tmp_path.glob("o/chunks/straight/counts-*")) and flight.poll() is None:
-        time.sleep(0.01)
-    os.killpg(flight.pid, signal.SIGINT)
-    stdout, stderr = flight.communicate(timeout=60)
-    assert flight.returncode == 130
-    assert stdout == ""
-    (line,) = (line for line in stderr.splitlines() if "runs/s" not in line)
-    assert line == "interrupted; finished chunks are kept in o: the same command resumes"
 
 
 @pytest.mark.parametrize(

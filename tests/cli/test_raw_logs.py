@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bottomlock.io.beam_table import read_account, read_beam_table
+from bottomlock.io.beam_table import read_beam_table
 from tests.cli.calls import command as bottomlock
 from tools import reader_seeds as seeds
 
@@ -38,17 +38,6 @@ def test_a_log_without_one_valid_beam_is_no_success(tmp_path: Path, kept: int) -
     assert read_beam_table(to).rows == 3
     assert done.returncode == (0 if kept else 1)
     assert ("none of its 3 pings has a valid beam" in done.stderr) == (not kept)
-
-
-def test_convert_offers_both_clocks(tmp_path: Path) -> None:
-    log, to = tmp_path / "log.txt", tmp_path / "beams.parquet"
-    log.write_bytes(seeds.a50_report(0) + seeds.a50_report(1) * 9)
-    done = bottomlock("convert", log, "--to", to)
-    assert "8 reports repeat the one before byte for byte" in done.stdout
-    done = bottomlock("convert", log, "--to", to, "--clock", "distinct", "--force")
-    assert done.returncode == 0, done.stderr
-    assert read_beam_table(to).time_ns.tolist() == [100_000_000, 200_000_000]
-    assert read_account(to)["skipped"]["repeats the report before"]["count"] == 8
 
 
 def test_pipes_and_devices_are_rejected_at_once(tmp_path: Path) -> None:

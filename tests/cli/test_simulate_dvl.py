@@ -1,10 +1,5 @@
 """The command `bottomlock simulate-dvl`: files, sockets and terminals, faults and their record, mistakes of users."""
 
-import json
-import signal
-import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -68,36 +63,6 @@ def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
     assert float(imu[0][6]) == pytest.approx(-9.8, abs=0.3)
     for time_ns in (int(imu[0][0]), int(depth[0][0]), int(pings.time_ns[0])):
         assert 0 <= time_ns - base_s * 10**9 <= 10**9
-
-
-@pytest.mark.long
-def test_ctrl_c_ends_a_server_cleanly(tmp_path: Path) -> None:
-    """In real time over TCP: a client reads, Ctrl-C ends with exit code 130 and the record of what was sent."""
-    truth = tmp_path / "sent.parquet"
-    words = [
-        sys.executable,
-        "-m",
-        "bottomlock",
-        "simulate-dvl",
-        "survey.toml",
-        "--dvl",
-        "tcpin:0",
-        "--truth",
-        str(truth),
-    ]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as server:
-        assert server.stdout is not None
-        assert server.stderr is not None
-        port = int(server.stdout.readline().rpartition(":")[2])
-        with socket.create_connection(("127.0.0.1", port), timeout=30) as line, line.makefile("rb") as stream:
-            first = json.loads(stream.readline())
-            server.send_signal(signal.SIGINT)
-            rest = stream.read()
-        assert server.wait(30) == 130
-        assert server.stderr.read() == ""
-    assert first["format"].startswith("json_v3")
-    assert rest == b"" or rest.endswith(b"\n")
-    assert pl.read_parquet(truth).height >= 1
 
 
 def test_files_are_not_overwritten(tmp_path: Path) -> None:

@@ -20,12 +20,9 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.raw_log import RawLog
 from tests.cli.calls import command, process
 from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, Sent, World, probe_registered
-from tests.oracle.rotations import matrix_from_euler, matrix_from_quaternion
 
 PLACES = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9"}
 ORIGIN = "origin = { latitude_deg = 32.8, longitude_deg = -17.5, height_m = 4.0 }"
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-FLU_FROM_FRD = np.diag([1.0, -1.0, -1.0])
 
 
 @pytest.fixture(autouse=True)
@@ -108,25 +105,6 @@ def test_csv_has_the_bits_that_a_port_sent(dive: tuple[Path, list[Sent]]) -> Non
     assert {row["beams_valid"] for row in rows if row["state"] == "PARTIAL"} >= {"2"}
     last = rows[-1]
     assert np.datetime64(last["utc"].rstrip("Z"), "ns").astype(np.int64) == sent[-1].time_ns
-
-
-def test_tum_and_places_agree_with_the_csv(dive: tuple[Path, list[Sent]]) -> None:
-    """East, north, up; and a WGS 84 origin: a degree of latitude at 32.8° is 110 907 m, of longitude 93 658 m."""
-    log, _ = dive
-    rows = rows_of(log)
-    table = np.loadtxt(exported(log, "live.tum"))
-    ned = np.array([numbers(row, ["north_m", "east_m", "down_m"]) for row in rows])
-    np.testing.assert_array_equal(table[:, 1:4], ned @ ENU_FROM_NED.T)
-    angles = np.deg2rad([numbers(row, ["roll_deg", "pitch_deg", "yaw_deg"]) for row in rows])
-    for q, row in zip(table[::40, 4:], angles[::40], strict=True):
-        R = ENU_FROM_NED @ matrix_from_euler(*row) @ FLU_FROM_FRD
-        np.testing.assert_allclose(matrix_from_quaternion(np.roll(q, 1)), R, atol=1e-5)
-    places = json.loads(exported(log, "tracks.geojson").read_text("utf-8"))["features"][0]
-    found = np.array(places["geometry"]["coordinates"])
-    np.testing.assert_allclose((found[:, 1] - 32.8) * 110_907.0, ned[:, 0], atol=2e-3)
-    np.testing.assert_allclose((found[:, 0] + 17.5) * 93_658.0, ned[:, 1], atol=2e-3)
-    np.testing.assert_allclose(found[:, 2], 4.0 - ned[:, 2], atol=1e-4)
-    assert places["properties"]["coordinateProperties"]["times"] == [row["utc"] for row in rows]
 
 
 def test_mcap_has_estimates_beams_and_the_bytes_as_they_came(dive: tuple[Path, list[Sent]]) -> None:

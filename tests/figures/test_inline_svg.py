@@ -42,11 +42,3 @@ def test_ink_is_that_of_the_page_and_the_background_is_gone() -> None:
     assert "#9233d2" in text
     assert "<metadata" not in text
     assert ET.fromstring(text).attrib["width"] == "538"
-
-
-def test_every_figure_of_a_page_refers_to_its_own() -> None:
-    """Clip paths, marks and letters of two figures have no id in common."""
-    one, two = _figure_svg("one"), _figure_svg("two")
-    assert not set(_ID.findall(one)) & set(_ID.findall(two))
-    assert _uses(two) <= set(_ID.findall(two))
-    assert one == _figure_svg("two").replace('"two-', '"one-').replace("#two-", "#one-")

@@ -190,10 +190,3 @@ def test_a_method_that_is_unknown_is_refused_where_it_is_named() -> None:
     ):
         with pytest.raises(ScenarioError, match=rf"{place}: unknown method 'tcc', did you mean 'tc'"):
             call(methods=["tcc"])
-
-
-def test_arrays_of_many_dimensions_are_refused() -> None:
-    """Numpy allows 64 of them, the crate that reads its arrays 32."""
-    start: Any = settings.start(position=np.zeros((1,) * 40))
-    with pytest.raises(KernelError, match=r"initial.position_t_m has shape \(1, .*\), expected \(3,\)"):
-        kernel.Navigator(WORK["geometry"], WORK["assumed"], WORK["options"], start)

@@ -120,23 +120,6 @@ def under_way(seconds: float = 3.0, method: Any = "tc", **more: Any) -> Navigato
     return to
 
 
-def test_beyond_the_horizon_is_refused_and_counted() -> None:
-    """The message has how late, how late it may be, and the two likely reasons; the estimate is as before."""
-    to = under_way(horizon_ns=500 * MS)
-    before = to.covariance()
-    words = (
-        r"depth time 2400000000 ns lies 0\.600000 s behind .* at 3000000000 ns, expected at most 0\.5 s, hor"
-    )
-    with pytest.raises(KernelError, match=words) as refused:
-        to.push_depth(2400 * MS, 0.0, sd_m=0.1)
-    assert (refused.value.taken, refused.value.reports) == (0, [])
-    assert to.late_events()["depth"] == 1
-    np.testing.assert_array_equal(to.covariance(), before)
-    assert len(to.push_depth(2500 * MS, 0.0, sd_m=0.1)) == 1
-    with pytest.raises(KernelError, match="expected at most 2 s"):
-        under_way().push_depth(1000 * MS - 1, 0.0, sd_m=0.1)
-
-
 @pytest.mark.parametrize(
     ("value", "words"),
     [

@@ -155,22 +155,6 @@ def test_the_slow_error_is_found(entries: Arrivals) -> None:
     assert f'bottomlock_reference_error_rad{{angle="yaw"}} {np.deg2rad(error):.9g}' in metrics(shown)
 
 
-@pytest.mark.long
-def test_the_slow_error_of_the_start_counts_once(tmp_path: Path) -> None:
-    """Started from the readings, the heading stays as unknown as their slow error, and its ratio is one over draws."""
-    ratios = []
-    for draw in range(12):
-        offset, error = np.random.default_rng([20, draw]).standard_normal(2)
-        one = dive(30 + draw, 15.0)
-        came = arrivals(one, *readings(one, 4.0 * offset + 1.0 * error, seed=draw), tmp_path)
-        engine = flown(made(), came)
-        yaw, sd = yaw_error_and_sd(engine, one.rpy[-1, 2])
-        assert 0.93 * np.hypot(4.0, 1.0) < np.rad2deg(sd) < np.hypot(4.0, 1.0) + 0.3
-        ratios.append(yaw / sd)
-    # 99.9 % of the mean square of twelve standard normals.
-    assert 0.18 < np.mean(np.square(ratios)) < 2.75
-
-
 def test_a_reading_far_off_is_rejected_and_shown(entries: Arrivals) -> None:
     """Half a turn for one reading: the gate rejects it, the page counts it, and nothing else changes."""
     clean = flown(made(), entries)
@@ -185,19 +169,6 @@ def test_a_reading_far_off_is_rejected_and_shown(entries: Arrivals) -> None:
     np.testing.assert_allclose(
         navigator_of(engine).state()["position_t_m"], navigator_of(clean).state()["position_t_m"], atol=1e-9
     )
-
-
-def test_readings_beyond_the_horizon_are_refused_and_counted(entries: Arrivals) -> None:
-    """As a depth is; with those that are in time the bits are the same."""
-    late = [
-        (a + 3_000_000_000, s, d) if s == AHRS and k % 50 == 0 else (a, s, d)
-        for k, (a, s, d) in enumerate(entries)
-    ]
-    without = [entry for k, entry in enumerate(entries) if entry[1] != AHRS or k % 50]
-    engine = flown(made(), sorted(late, key=lambda entry: entry[:2]))
-    other = flown(made(), without)
-    assert sum(engine.sources[AHRS].refused.values()) > 3
-    np.testing.assert_array_equal(navigator_of(engine).covariance(), navigator_of(other).covariance())
 
 
 @pytest.mark.parametrize("level", ["levelling", "attitude"])

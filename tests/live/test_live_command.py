@@ -102,16 +102,6 @@ def test_from_the_dvls_line_to_the_listener(tmp_path: Path) -> None:
     assert ReadLog(log).start == {"config.toml": b"x"}
 
 
-@pytest.mark.long
-def test_a_connection_that_breaks_is_made_again(tmp_path: Path) -> None:
-    """It is said, tried again, and the estimates go on."""
-    heard, log, words = asyncio.run(whole_chain(tmp_path, drop_at=1.7))
-    assert any("closed by the other side; next attempt in 0.2 s" in word for word in words)
-    assert words.count("source dvl: connected") == 2
-    assert heard[-1].state == "OK"
-    assert replay_log(config("navigation"), log).first_difference == ""
-
-
 def write_log(folder: Path, messages: int = 20) -> bytes:
     """A log of a short run in mode velocity."""
     engine = Engine(config())

@@ -35,11 +35,6 @@ def beam_velocity(
     return float(b @ at_transducer + bias)
 
 
-def velocity_least_squares(A: Array, y: Array) -> Array:
-    """Eq. 17 in the right order of factors (erratum E6): (AᵀA)⁻¹ Aᵀ y."""
-    return np.linalg.inv(A.T @ A) @ A.T @ y
-
-
 def velocity_weighted(A: Array, y: Array, R: Array) -> Array:
     """Eq. 17 with the weights of Eq. 19: (AᵀWA)⁻¹ AᵀW y, W = R⁻¹."""
     W = np.linalg.inv(R)

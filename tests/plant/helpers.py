@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.plant import AnyVehicle, Mission, Vehicle, load_vehicle
+from bottomlock.plant import AnyVehicle, Vehicle, load_vehicle
 from bottomlock.plant.control import fin_mixing
 from bottomlock.plant.equations import acceleration, to_tangent
 from bottomlock.plant.maths import SCALAR, FloatArray
-from bottomlock.plant.path import guide_rows
-from bottomlock.plant.swim import NO_ERROR, Integration
 
 GRAVITY_MPS2 = 9.795
 LATITUDE_RAD = math.radians(32.8)
@@ -92,17 +90,3 @@ def fins_of(
 def at_speed(speed_mps: float) -> list[float]:
     """Level, northbound at 20 m, at a speed."""
     return [0.0, 0.0, 20.0, 1.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0, 0.0, 0.0]
-
-
-def pilot(
-    vehicle: Vehicle, mission: Mission, state: Sequence[float], *, duration_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Fly the mission's first segment closed loop from a whole state (28): times and states."""
-    step_s = 1.0 / 30.0
-    steps = round(duration_s / step_s)
-    start = [float(value) for value in state]
-    run = Integration(vehicle, mission, SCALAR, start, gravity_mps2=GRAVITY_MPS2, step_s=step_s, steps=steps)
-    segment, track = guide_rows(mission.segments)[0], [start]
-    while run.step < steps:
-        track += run.tick(segment, NO_ERROR)[0][1:]
-    return step_s * np.arange(steps + 1, dtype=np.float64), np.array(track, dtype=np.float64)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bottomlock.plant import Vehicle
-from bottomlock.plant.equations import fin_wrench, hull_wrench, myring_radius_m
+from bottomlock.plant.equations import fin_wrench, hull_wrench
 from bottomlock.plant.maths import SCALAR
 from bottomlock.plant.trim import trim
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of, nu_dot
@@ -40,43 +40,6 @@ def test_terminal_speed_balances_drag_and_thrust(tauv: Vehicle) -> None:
         tauv, at_speed(0.5), fins_rad=fins_of(tauv, roll_rad=0.0132), shaft_rps=shaft, duration_s=120.0
     )
     assert np.linalg.norm(track[-1, 7:10]) == pytest.approx(by_hand, rel=0.01)
-
-
-def test_turning_radius_from_linear_derivatives(tauv: Vehicle) -> None:
-    """Steady turn of the linear sway-yaw equations within 5 %.
-
-    The rudder is so small that cross-flow drag is almost linear.
-
-    Y_v v + (Y_r - m - m_x) U r = -Y_d d and N_v v + N_r r = -N_d d per unit of U², with
-    hull, fins, Munk moment and the body's own centripetal force worked out one by one.
-    """
-    hull, fins, density = tauv.hull, tauv.fins, tauv.water.density
-    added, mass = tauv.added_mass, tauv.rigid_body.mass
-    fin = 0.5 * density * fins.area * (fins.lift_slope + fins.zero_lift_drag) * 2.0
-    x_fin, x_hull = fins.position_x, hull.centre_of_pressure_x
-    steady = trim(tauv, 2.0, GRAVITY_MPS2)
-    # the trim's own heave makes cross-flow drag linear in a small sway: |w| v
-    x = np.linspace(0.0, hull.length, 3001)
-    breadth = 2.0 * myring_radius_m(hull, x) * abs(steady.velocity_p_mps[2]) / 2.0
-    along = hull.centre_of_buoyancy_from_nose - x
-    cross = [
-        0.5 * density * hull.cross_flow_drag * float((breadth * along**n).sum()) * 1e-3 for n in range(3)
-    ]
-    y_v = -hull.lift - fin - cross[0]
-    n_v = -hull.lift * x_hull - fin * x_fin - (added.x_udot - added.y_vdot) - cross[1]
-    y_r = -hull.lift * x_hull - fin * x_fin - (mass - added.x_udot) - cross[1]
-    n_r = -hull.lift * x_hull**2 - fin * x_fin**2 + added.y_rdot - cross[2]
-    control = 0.5 * density * fins.area * fins.lift_slope * 2.0
-    rudder = math.radians(0.02)
-    matrix = np.array([[y_v, y_r], [n_v, n_r]])
-    sway, turn = np.linalg.solve(matrix, -rudder * np.array([-control, -control * x_fin]))
-    held = np.array(steady.fins_rad) + fins_of(tauv, yaw_rad=rudder)
-    start = at_speed(2.0)
-    track = coast(tauv, start, fins_rad=held, shaft_rps=steady.shaft_rps, duration_s=120.0)
-    speed = float(np.hypot(track[-1, 7], track[-1, 8]))
-    assert turn > 0.0
-    assert speed / track[-1, 12] == pytest.approx(1.0 / turn, rel=0.05)
-    assert track[-1, 8] / speed == pytest.approx(sway, rel=0.05)
 
 
 def test_pitch_moment_at_an_angle_of_attack(tauv: Vehicle) -> None:

@@ -41,13 +41,6 @@ def test_offset_from_an_arc_is_distance_from_its_circle(
     assert math.remainder(direction - tangent, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_line_is_an_arc_without_curvature() -> None:
-    row = PathSegment(0.0, 0.0, math.pi / 2, 0.0, 10.0).row()
-    offset, heading = offset_and_heading(1.5, 4.0, row, SCALAR)
-    assert offset == pytest.approx(-1.5)
-    assert heading == pytest.approx(math.pi / 2)
-
-
 @pytest.mark.parametrize("radius", [8.0, 20.0])
 def test_waypoint_corners_are_rounded_and_joined(radius: float) -> None:
     points = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 80.0], [20.0, 80.0]])

@@ -18,7 +18,7 @@ from bottomlock.plant.equations import (
 )
 from bottomlock.plant.maths import SCALAR, FloatArray
 from bottomlock.recordings.rotation import matrices
-from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, finned, nu_dot
+from tests.plant.helpers import GRAVITY_MPS2, finned, nu_dot
 from tests.plant.matrices import (
     added_mass_coriolis_matrix,
     hull_damping_matrix,
@@ -70,29 +70,6 @@ def test_energy_never_grows_without_thrust(
     mass = rigid_body_mass_matrix(vehicle) + added_mass_matrix(vehicle)
     power = float(nu @ mass @ rate) + float(nu @ restoring_vector(vehicle, quaternion, GRAVITY_MPS2))
     assert power <= 1e-8 * max(1.0, float(np.abs(nu).max()) ** 3) * 1e3
-
-
-@pytest.mark.parametrize("name", sorted(VEHICLES))
-def test_a_drifting_vehicle_goes_with_the_water(name: str) -> None:
-    """With a current and no thrust, made neutral, the body ends up moving with the water."""
-    vehicle = VEHICLES[name]
-    neutral = vehicle.rigid_body.model_copy(
-        update={"displaced_volume": vehicle.rigid_body.mass / vehicle.water.density}
-    )
-    vehicle = vehicle.model_copy(update={"rigid_body": neutral})
-    start = at_speed(0.0)
-    current = (0.25, -0.3, 0.0)
-    track = coast(
-        vehicle,
-        start,
-        fins_rad=(0.0,) * 4,
-        shaft_rps=0.0,
-        duration_s=900.0,
-        step_s=0.1,
-        current_t_mps=current,
-    )
-    drift = np.diff(track[-21:, :3], axis=0).mean(axis=0) / 0.1
-    assert np.allclose(drift, current, atol=0.02)
 
 
 @given(quaternions, hnp.arrays(np.float64, 3, elements=st.floats(-5.0, 5.0)))

@@ -14,7 +14,6 @@ from bottomlock.plant.equations import (
     propeller_wrench,
     rigid_body_mass_matrix,
 )
-from bottomlock.plant.flight import euler_rad
 from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.trim import trim
 from tests.plant.helpers import GRAVITY_MPS2, at_speed, coast, fins_of, nu_dot
@@ -150,61 +149,3 @@ def test_yaw_rate_of_the_sea_trial(remus: Vehicle, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(sys.modules[__name__], "YVV", FITTED_YVV)
     turn_rate = float(_oracle(1.54, lambda _time, _x: math.radians(4.0), 60.0)[-1, 5])
     assert math.degrees(turn_rate) == pytest.approx(10.0, rel=0.05)
-
-
-def _stern_law(depth: float, pitch: float, rate: float) -> float:
-    """Five metres down: pitch from depth, stern plane (rad, positive pitches up) from pitch."""
-    limit = math.radians(10.0)
-    wanted = float(np.clip(-0.10 * (5.0 - depth), -0.35, 0.35))
-    return float(np.clip(1.2 * (wanted - pitch) - 0.9 * rate, -limit, limit))
-
-
-def _depth_step(remus: Vehicle) -> FloatArray:
-    """Depth below the start under that law, every 0.02 s for a minute."""
-    steady = trim(remus, 1.54, GRAVITY_MPS2)
-
-    def stern(state: FloatArray) -> FloatArray:
-        pitch = float(euler_rad(state[None, 3:7])[0, 1])
-        fin = _stern_law(float(state[2]) - 20.0, pitch, float(state[11])) + steady.modes_rad[1]
-        return fins_of(remus, roll_rad=steady.modes_rad[0], pitch_rad=fin)
-
-    start = at_speed(1.54)
-    start[3], start[5] = math.cos(0.5 * steady.pitch_rad), math.sin(0.5 * steady.pitch_rad)
-    start[7:10] = steady.velocity_p_mps
-    ours = coast(remus, start, fins_rad=stern, shaft_rps=steady.shaft_rps, duration_s=60.0, step_s=0.02)
-    return ours[:, 2] - 20.0
-
-
-def test_depth_step_against_prestero(remus: Vehicle) -> None:
-    """Five metres down under one plain depth law: the largest difference in depth stays below 0.4 m for 60 s.
-
-    His heave-pitch equations (Prestero 2001) at constant surge.
-    """
-    speed, weight = 1.54, 299.0
-    steady = trim(remus, speed, GRAVITY_MPS2)
-    lift_surplus = (remus.water.density * remus.rigid_body.displaced_volume - MASS) * GRAVITY_MPS2
-    inertia = np.linalg.inv(np.array([[MASS + 35.5, 1.93], [1.93, 3.45 + 4.88]]))
-
-    def plane(depth: float, pitch: float, rate: float) -> float:
-        return _stern_law(depth, pitch, rate) + steady.modes_rad[1]
-
-    def rates(x: FloatArray, fin: float) -> FloatArray:
-        _, pitch, w, q = x
-        heave = -131.0 * w * abs(w) - 0.632 * q * abs(q) + (MASS - 5.22) * speed * q - 28.6 * speed * w
-        heave += 9.64 * speed**2 * fin - lift_surplus * math.cos(pitch)
-        moment = 3.18 * w * abs(w) - 188.0 * q * abs(q) - 2.0 * speed * q + 24.0 * speed * w
-        moment += 6.15 * speed**2 * fin - 0.0196 * weight * math.sin(pitch)
-        w_dot, q_dot = inertia @ np.array([heave, moment])
-        return np.array([w * math.cos(pitch) - speed * math.sin(pitch), q, w_dot, q_dot])
-
-    step = 0.02
-    x = np.array([0.0, steady.pitch_rad, steady.velocity_p_mps[2], 0.0])
-    his = [0.0]
-    for _ in range(3000):
-        fin = plane(float(x[0]), float(x[1]), float(x[3]))
-        x = x + step * rates(x + 0.5 * step * rates(x, fin), fin)
-        his.append(float(x[0]))
-
-    depth = _depth_step(remus)
-    assert depth[-1] == pytest.approx(5.0, abs=0.3)
-    assert np.abs(depth - np.array(his)).max() < 0.4

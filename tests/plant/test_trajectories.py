@@ -21,8 +21,6 @@ from bottomlock.plant.maths import FloatArray
 from tests.plant.helpers import GRAVITY_MPS2, LATITUDE_RAD
 
 NAMES = ("straight", "figure_eight", "lawn_mower")
-LAWN_MOWER = ("lawn_mower", *(pytest.param(name, marks=pytest.mark.long) for name in NAMES[:2]))
-"""The mission that dives, turns and runs straight; the others in `make test-long`."""
 
 
 def _rms(values: FloatArray) -> float:
@@ -39,15 +37,6 @@ def test_missions_are_tracked(flights: dict[str, Flight], name: str) -> None:
     after = seconds > 40.0
     assert _rms((frame["depth_m"] - frame["depth_wanted_m"]).to_numpy()[after]) < 0.2
     assert np.abs(frame["speed_mps"].to_numpy() / 2.0 - 1.0).max() < 0.02
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", LAWN_MOWER)
-def test_halving_the_step_moves_nothing(tauv: Vehicle, name: str, flights: dict[str, Flight]) -> None:
-    fine = swim(tauv, flights[name].mission, gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
-    coarse = flights[name].history
-    assert np.abs(fine.state[:, :3] - coarse.state[:, :3]).max() < 1e-3
-    assert np.abs(fine.state[:, 3:7] - coarse.state[:, 3:7]).max() < 1e-3
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import bottomlock
-from tests.oracle import beams
 from tests.oracle.rotations import Array
 
 pytestmark = pytest.mark.recordings
@@ -73,15 +72,3 @@ def test_pings_with_two_beams_are_not_made_up(log: dict[str, Array]) -> None:
     )
     assert np.all(fix.status == 2)
     assert np.all(log["velocityInstFlag"][asked] == 0)
-
-
-def test_the_oracle_reads_the_log_alike(log: dict[str, Array]) -> None:
-    """The normal equations written out agree with the instrument too: geometry and beam order are not ours."""
-    valid = four(log, "dataGood") == 1
-    asked = np.flatnonzero((log["velocityInstFlag"] == 1) & (valid.sum(axis=1) >= 3))[:300]
-    A = np.array([beams.direction(TILT_RAD, a) for a in np.deg2rad([0, 90, 180, 270])])
-    for row in asked:
-        use = valid[row]
-        y = four(log, "bottomVelocityBeam")[row][use]
-        instrument = [log[f"velocityInst{k}"][row] for k in range(3)]
-        np.testing.assert_allclose(beams.velocity_least_squares(A[use], y), instrument, atol=TOLERANCE_MPS)

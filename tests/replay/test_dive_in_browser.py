@@ -13,7 +13,6 @@ from tests.replay.dive_tables import SPIKE_MPS, SPIKE_S, dive_tables
 pytestmark = [pytest.mark.skipif(chromium() is None, reason="no Chromium"), pytest.mark.slow]
 
 READY = "document.getElementById('plots').dataset.ready === 'yes'"
-MOST_BYTES = 5_000_000
 PANELS = "document.querySelectorAll('.canvas')"
 
 
@@ -106,48 +105,6 @@ def test_hover_shows_the_values_of_that_time_everywhere(browser: Browser, page: 
     assert where[0] == pytest.approx(SPIKE_S / 59.8, abs=0.005)
 
 
-def test_cursor_moves_on_the_map(browser: Browser, page: Path) -> None:
-    """And the map moves it: at the place of the marker stands the same time."""
-    look(browser, page)
-    marker = "document.querySelector('.map .marker circle[data-label=tc]')"
-    assert browser.value(marker) is None
-    places = []
-    for part in (0.2, 0.55):
-        hover(browser, 0, part)
-        places.append(
-            browser.value(f"[{marker}.getAttribute('cx'), {marker}.getAttribute('cy')].map(Number)")
-        )
-    assert places[0] != places[1]
-    assert re.search(r"° N, 3\.\d{6}° W", text_of(browser, ".place"))
-    told = seconds_of(browser)
-    at = browser.value(
-        f"(one => [one.left + one.width / 2, one.top + one.height / 2])({marker}.getBoundingClientRect())"
-    )
-    hover(browser, 0, 0.9)
-    assert abs(seconds_of(browser) - told) > 5.0
-    browser.mouse((at[0] + 3.0, at[1]), (at[0], at[1]))
-    # The map goes from sample to sample, 0.2 s apart.
-    assert seconds_of(browser) == pytest.approx(told, abs=0.11)
-
-
-def test_zoom_is_of_all_panels_and_of_the_track(browser: Browser, page: Path) -> None:
-    """A drag over a fifth of one panel, which is not in the middle; a double-click shows all again."""
-    look(browser, page)
-    inside = "document.querySelectorAll('.map .outside').length"
-    assert browser.value(inside) == 0
-    left, top, width, height = area(browser, 0)
-    y = top + height / 2.0
-    browser.mouse((left + 0.6 * width, y), (left + 0.7 * width, y), (left + 0.8 * width, y), held=True)
-    assert re.search(r"00:00:4[56] to 00:00:5[78]", text_of(browser, ".range"))
-    assert browser.value(inside) > 0
-    for panel in (1, 5):
-        hover(browser, panel, 0.5)
-        assert seconds_of(browser) == pytest.approx(0.7 * 59.8, abs=0.3)
-    over = f"{PANELS}[4].querySelector('.u-over')"
-    browser.value(f"{over}.dispatchEvent(new MouseEvent('dblclick', {{bubbles: true}}))")
-    assert "00:00:10 to 00:01:10" in text_of(browser, ".range")
-
-
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_is_cut_off_and_figures_are_of_natural_size(
@@ -163,15 +120,3 @@ def test_nothing_is_cut_off_and_figures_are_of_natural_size(
         "Number(one.getAttribute('width'))).length"
     )
     assert browser.value(stretched) == 0
-
-
-def test_an_hour_at_20_hz_is_small_and_asks_for_nothing(browser: Browser, tmp_path: Path) -> None:
-    """Also after everything was used."""
-    page = write(tmp_path, 3600.0, 20.0)
-    assert page.stat().st_size < MOST_BYTES
-    asked = browser.requests()
-    look(browser, page)
-    hover(browser, 3, SPIKE_S / 3600.0)
-    browser.value("[...document.querySelectorAll('.tools button')].forEach(one => one.click())")
-    assert [one for one in asked if not one.startswith("file://")] == []
-    assert len(asked) == 1

@@ -31,13 +31,6 @@ def navigator(**changed: Any) -> bottomlock.Navigator:  # noqa: ANN401
     return made
 
 
-def seen(nav: bottomlock.Navigator) -> tuple[Any, ...]:
-    """Every number that can be asked of a navigator."""
-    state: Any = nav.state()
-    numbers = [np.ravel(value) for value in state.values()]
-    return np.concatenate(numbers).tobytes(), nav.covariance().tobytes(), nav.late_events(), nav.imu_faults()
-
-
 def test_a_bad_reading_is_a_report_and_a_count() -> None:
     """The report has the keys of any other, no rows, and the reason; the state does not move."""
     nav = navigator()
@@ -55,23 +48,6 @@ def test_a_bad_reading_is_a_report_and_a_count() -> None:
     (ping,) = nav.push_beams(20 * MS, np.zeros(4), np.ones(4, bool), sd_mps=np.full(4, 0.042))
     assert type(ping) is type(report)
     assert ping.reason is None
-
-
-def test_a_gap_is_refused_with_what_to_do_or_inflated() -> None:
-    """By hand: 5 s at 0.5 m/s² and 0.1 rad/s are 2.5 m/s of heave and 0.5 rad of yaw."""
-    nav = navigator()
-    before = seen(nav)
-    words = r"5000000000 ns comes 5\.0+ s after .* at 0 ns, .*max_gap_s = 1 s: start again .*inflate"
-    with pytest.raises(bottomlock.KernelError, match=words):
-        nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
-    assert seen(nav) == before
-    nav = navigator(gap="inflate")
-    nav.push_imu(5_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
-    sd = np.sqrt(np.diag(nav.covariance()))
-    assert nav.imu_faults()["inflated_gaps"] == 1
-    np.testing.assert_allclose([sd[8], sd[5]], [2.5, 0.5], rtol=2e-3)
-    with pytest.raises(bottomlock.KernelError, match="too long to bridge"):
-        nav.push_imu(3_605_000 * MS, omega_p_radps=np.zeros(3), force_p_mps2=LEVEL)
 
 
 def test_a_block_says_what_it_took() -> None:

@@ -1,6 +1,5 @@
 """Pages in a real browser: nothing is cut off, the keyboard reaches everything, paper shows what is folded."""
 
-import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -63,73 +62,3 @@ def test_nothing_is_cut_off(browser: Browser, folder: Path, page: str, width: in
     browser.size(width)
     browser.open(folder / page)
     assert browser.value(CUT_OFF) == []
-
-
-def test_the_check_sees_what_is_cut_off(browser: Browser, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    page.write_text(
-        '<!doctype html><meta name="viewport" content="width=device-width">'
-        '<div style="overflow-x: auto"><p style="width: 900px">wide</p></div>'
-    )
-    browser.size(390)
-    browser.open(page)
-    found = browser.value(CUT_OFF)
-    assert any(line.startswith("P#") for line in found)
-    assert any(line.startswith("DIV#") for line in found)
-
-
-def test_the_keyboard_reaches_and_unfolds(browser: Browser, folder: Path) -> None:
-    """First the way past the contents, shown where it is; focus is outlined; Enter opens what is folded."""
-    browser.size(1100)
-    browser.open(folder / "a" / "report.html")
-    browser.press("Tab")
-    assert browser.value("document.activeElement.textContent") == "Skip to the results"
-    assert browser.value("document.activeElement.getBoundingClientRect().left") >= 0.0
-    for _ in range(60):
-        browser.press("Tab")
-        if browser.value("document.activeElement.tagName") == "SUMMARY":
-            break
-    assert browser.value("getComputedStyle(document.activeElement).outlineStyle") == "solid"
-    browser.press("Enter")
-    assert browser.value("document.activeElement.parentElement.open") is True
-
-
-def test_a_screen_reader_is_told(browser: Browser, folder: Path) -> None:
-    """Landmarks, one first heading and no level left out, a name for every figure, table and link."""
-    browser.size(1100)
-    browser.open(folder / "a" / "report.html")
-    levels = browser.value("[...document.querySelectorAll('h1, h2, h3, h4')].map(one => +one.tagName[1])")
-    assert levels[0] == 1
-    assert levels.count(1) == 1
-    assert all(after <= before + 1 for before, after in itertools.pairwise(levels))
-    assert browser.value("[...document.querySelectorAll('table')].filter(one => !one.caption).length") == 0
-    roles: dict[str, list[str]] = {}
-    for node in browser.accessible():
-        role = node.get("role", {}).get("value")
-        if not node["ignored"]:
-            roles.setdefault(role, []).append(str(node.get("name", {}).get("value", "")))
-    for landmark in ("banner", "navigation", "main", "contentinfo"):
-        assert len(roles[landmark]) == 1, landmark
-    assert len(roles["image"]) >= 5
-    for role in ("image", "table", "link", "region"):
-        assert all(roles[role]), role
-
-
-def test_paper_is_white_and_shows_what_is_folded(browser: Browser, folder: Path) -> None:
-    """Also for a reader of dark pages; settings, manifest and links to files stay off the paper."""
-    browser.open(folder / "a" / "report.html")
-    browser.media(dark=True)
-    dark = browser.value("getComputedStyle(document.body).backgroundColor")
-    browser.media(dark=True, paper=True)
-    try:
-        assert (
-            dark != browser.value("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-        )
-        for hidden in ("nav", "details.long", "figure .files"):
-            assert browser.value(f"getComputedStyle(document.querySelector({hidden!r})).display") == "none"
-        height = "document.querySelector('details:not(.long)').getBoundingClientRect().height"
-        on_paper = browser.value(height)
-        browser.media()
-        assert on_paper > 1.5 * browser.value(height)
-    finally:
-        browser.media()

@@ -106,47 +106,6 @@ def test_the_kernel_agrees_with_an_integration_in_geodetic_coordinates(
     assert np.sin(heading - np.deg2rad(heading_deg)) == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("latitude_deg", "heading_deg"), [(0.0, 90.0), (45.0, 0.0), (-45.0, 215.0), (70.0, 90.0)]
-)
-@pytest.mark.parametrize(("earth", "verdict"), [("ellipsoid", "accepted"), ("tangent_plane", "rejected")])
-def test_gps_is_taken_after_fifty_kilometres(
-    latitude_deg: float, heading_deg: float, earth: Literal["ellipsoid", "tangent_plane"], verdict: str
-) -> None:
-    """A fix by geodetic coordinates at the end of a dive with whole pings and depth; on a plane it is rejected."""
-    _, truth = rhumb_line(latitude_deg, heading_deg, 10.0)
-    scenario = load_scenario("long_way")
-    here = environment(latitude_deg)
-    model = scenario.kernel_model(here.gravity_mps2).replace(environment=here.replace(earth=earth))
-    start = models.InitialState(
-        time_ns=0,
-        position_t_m=truth.position_t_m[0],
-        attitude_t_p=truth.attitude_t_p[0],
-        velocity_p_mps=truth.velocity_p_mps[0],
-    )
-    geometry = kernel.BeamGeometry.janus(0.35)
-    options = scenario.kernel_options()
-    navigator = kernel.Navigator(geometry, model, options, start, method="tc")
-    rows_of_ping = 50
-    for first in range(1, len(truth.time_ns), rows_of_ping):
-        rows = slice(first, first + rows_of_ping)
-        navigator.push_imu_block(
-            truth.time_ns[rows],
-            omega_p_radps=truth.omega_p_radps[rows],
-            force_p_mps2=truth.force_p_mps2[rows],
-        )
-        last = min(first + rows_of_ping, len(truth.time_ns)) - 1
-        now = int(truth.time_ns[last])
-        beams = geometry.beam_velocities(truth.velocity_p_mps[[last]])[0]
-        navigator.push_beams(now, beams, [True] * 4, sd_mps=[0.01] * 4)
-        navigator.push_depth(now, DEPTH_M, sd_m=0.02)
-    home = geodesy.Place(here.latitude_rad, 0.0, 0.0)
-    place = geodesy.geodetic_from_tangent(truth.position_t_m[-1:], home)
-    fix = geodesy.tangent_from_geodetic(*place, home)[0]
-    (report,) = navigator.push_position(int(truth.time_ns[-1]), fix, position_sd_m=[2.0, 2.0, 4.0])
-    assert report.verdict == verdict
-
-
 def test_blocks_give_the_truth_of_the_whole() -> None:
     """A path followed in blocks is the path followed at once."""
     flat, truth = rhumb_line(70.0, 60.0)

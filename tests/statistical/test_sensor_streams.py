@@ -154,26 +154,3 @@ def test_initial_errors() -> None:
         chi_squared_fits(position[:, axis], 2.0)
         chi_squared_fits(tilt[:, axis], (0.01, 0.01, 0.02)[axis])
         chi_squared_fits(velocity[:, axis], 0.05)
-
-
-def test_streams_are_independent_of_each_other() -> None:
-    """No two streams share their numbers: correlations over runs of what is drawn once per run stay within 1/√n."""
-    s = streams()
-    drawn = np.column_stack(
-        [
-            s["accel_bias_p_mps2"][:, 0],
-            s["gyro_bias_p_radps"][:, 0],
-            s["dvl_bias_mps"][:, 0],
-            s["dvl_scale_factor"][:, 0],
-            s["start"][:, :3],
-            s["start"][:, 7:],
-            s["depth_m"][:, 0],
-            s["gps_position_t_m"][:, 0],
-            s["imu_force_p_mps2"][:, 0] - s["accel_bias_p_mps2"][:, 0],
-        ]
-    )
-    correlation = np.corrcoef(drawn.T)
-    pairs = correlation[np.triu_indices(len(correlation), 1)]
-    # Bonferroni over all pairs at 0.1 %.
-    limit = stats.norm.ppf(1 - 5e-4 / len(pairs)) / np.sqrt(RUNS)
-    assert np.abs(pairs).max() < limit
