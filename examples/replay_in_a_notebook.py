@@ -59,5 +59,7 @@ replay.pings.filter(replay.pings["what_if"] == "lost_34").head(4)
 # the setting, so their difference is that of the setting.
 
 # %%
-compared = alone.compare(replay)
-compared.filter(what_if="recorded", method="tc", **{"pass": "forward"})
+ends = ["north_m", "east_m", "sd_position_north_m", "sd_position_east_m"]
+forward = {"what_if": "recorded", "method": "tc", "pass": "forward"}
+without, given = (one.samples.filter(**forward).select(ends).tail(1) for one in (alone, replay))
+without - given

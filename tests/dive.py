@@ -373,6 +373,7 @@ FAULTS: dict[str, Fault] = {
     ),
     "beams 2 and 3 exchanged": exchanged("beams", "beam2_mps", "beam3_mps"),
     "DVL clock 1.5 s late": later(*BOTH, by_s=1.5),
+    "DVL begins 60 s late": all_of(*(left(one, pl.col("time_s") > EPOCH_S + 60.0) for one in BOTH)),
     "velocities 8 % too large": _scaled("velocity", "vx vy vz", 1.08),
     "velocities in feet a second": _scaled("velocity", "vx vy vz", 3.28084),
     "velocity forward, left, up": _scaled("velocity", "vy vz", -1.0),

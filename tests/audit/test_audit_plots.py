@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bottomlock.audit.page import audit_files, closure_table, plots_of
+from bottomlock.audit.page import audit_files, plots_of
 from bottomlock.audit.run import Audit
 from tests.audit.synthetic import make_log
 from tests.pages.test_plots import unpacked
@@ -28,7 +28,7 @@ def test_curves_are_those_of_the_audit() -> None:
     panels = content["views"][""]["panels"]
     (closure,) = panels[0]["curves"]
     np.testing.assert_allclose(
-        unpacked(content, closure["v"]), 1e3 * closure_table(audit)["closure_mps"].to_numpy(), atol=0.01
+        unpacked(content, closure["v"]), 1e3 * audit.assessment.closures[0].values_mps, atol=0.01
     )
     reading = panels[1]["curves"][1]
     np.testing.assert_allclose(unpacked(content, reading["v"]), log.velocity_mps[:, 1], atol=1e-4)

@@ -1,4 +1,4 @@
-"""Errors over their 1 sigma: of a median, a bias, a slope's probability; and what the page says of the water."""
+"""Errors over their 1 sigma: of a median, a bias, a slope's probability."""
 
 import numpy as np
 import pytest
@@ -8,9 +8,7 @@ from bottomlock.audit.matrix import find_matrix
 from bottomlock.audit.page import page_of
 from bottomlock.audit.robust import resolution
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.pages.page import Table
 from tests.audit.synthetic import Array, janus, make_log, motion
-from tests.audit.test_water import audited
 
 WEIGHTS = np.array([1.0, -1.0, 1.0, -1.0])
 
@@ -66,28 +64,6 @@ def test_probability_of_a_slope() -> None:
 def test_resolution_of_readings_that_binary_numbers_only_come_near() -> None:
     assert resolution(np.array([0.1, 0.1 + 1e-12, 0.2, 0.3, np.nan])) == 0.1
     assert resolution(np.array([1.5, 1.5])) == 0.0
-
-
-def test_the_page_tells_of_the_water_in_its_units() -> None:
-    audit = audited()
-    water = audit.water
-    assert water is not None
-    (part,) = (one for one in page_of(audit, numbers_of(audit)).parts if one.id == "estimates")
-    (table,) = part.blocks
-    assert isinstance(table, Table)
-    told = {
-        row[1]: [float(one.split(" ± ")[0]) for one in row[2].split(", ")]
-        for row in table.rows
-        if row[0] == "water"
-    }
-    for name, expected in (
-        ("current to north and east, m/s", water.current_mps),
-        ("its drift, m/s in an hour", water.drift_mps_per_h),
-        ("current of one ping, 1 sigma, m/s", water.ping_sd_mps),
-        ("water_track.noise_mps of a case", [water.beam_sd_mps]),
-        ("factor of the water's readings", [water.scale]),
-    ):
-        np.testing.assert_allclose(told[name], expected, rtol=1e-4)
 
 
 def test_three_beams_are_told_to_have_no_closure() -> None:

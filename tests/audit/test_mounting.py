@@ -8,13 +8,12 @@ import pytest
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.mounting import PARTS, Mounting
 from bottomlock.audit.run import Audit
-from bottomlock.recordings.streams import Depths, Inertial
 from tests.oracle import mounting as oracle
 from tests.oracle.rotations import Array
 
 ANGLES = tuple(np.deg2rad([0.6, -0.4, 1.5]))
 ARM = np.array([-1.2, 0.3, 0.4])
-SCALE, OFFSET_S, SD_MPS, GRAVITY_MPS2 = 0.01, 0.35, 0.004, 9.81
+SCALE, OFFSET_S, SD_MPS = 0.01, 0.35, 0.004
 
 
 def alone(time_s: Array, velocity_mps: Array) -> BeamLog:
@@ -31,17 +30,14 @@ def mounting_of(audit: Audit) -> Mounting:
 
 
 @lru_cache
-def streams(lively: float, seconds: int = 300) -> tuple[Array, Array, Array, Array, Array]:
-    """Reference at 5 Hz (times, rpy, velocity) and IMU at 50 Hz (force, rate)."""
+def streams(lively: float, seconds: int = 300) -> tuple[Array, Array, Array]:
+    """Reference at 5 Hz: times, rpy, velocity."""
     t = np.arange(0.0, seconds, 0.2)
     rpy = np.array([oracle.angles(s, lively) for s in t])
     velocity = np.array(
         [oracle.turn(*oracle.angles(s, lively)) @ oracle.surge_sway_heave(s, lively) for s in t]
     )
-    fine = np.arange(0.0, seconds, 0.02)
-    force = np.array([oracle.specific_force(s, lively, GRAVITY_MPS2) for s in fine])
-    rate = np.array([oracle.rate(s, lively) for s in fine])
-    return t, rpy, velocity, force, rate
+    return t, rpy, velocity
 
 
 @lru_cache
@@ -53,15 +49,14 @@ def readings(lively: float) -> tuple[Array, Array]:
     return own, np.array(reads)
 
 
-def plant(seed: int, *, lively: float = 1.0, with_velocity: bool, flip: bool = False) -> Audit:
+def plant(seed: int, *, lively: float = 1.0, flip: bool = False) -> Audit:
     """The DVL with noise, and what stands beside it."""
-    t, rpy, velocity, force, rate = streams(lively)
+    t, rpy, velocity = streams(lively)
     rng = np.random.default_rng(seed)
     own, clean = readings(lively)
     reads = (clean + SD_MPS * rng.normal(size=clean.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
-    fine_ns = (np.arange(len(force)) * 20_000_000).astype(np.int64)
-    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity if with_velocity else None)
-    return Audit(alone(own, reads), reference=reference, imu=Inertial(fine_ns, force, rate))
+    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity)
+    return Audit(alone(own, reads), reference=reference)
 
 
 def misses(found: Mounting) -> Array:
@@ -82,14 +77,14 @@ def test_deviations_are_consistent(logs: int) -> None:
 
     For 32 independent errors the mean square has a deviation of 0.25: four of them to the upper limit.
     """
-    off = np.array([misses(mounting_of(plant(seed, with_velocity=True))) for seed in range(logs)])
+    off = np.array([misses(mounting_of(plant(seed))) for seed in range(logs)])
     assert 0.5 < float(np.mean(off**2)) < 2.0
 
 
 @pytest.mark.long
 def test_a_straight_course_shows_no_lever_arm() -> None:
     """Without turns ω × l is nothing, and roll about the course turns nothing into anything."""
-    audit = plant(2, lively=0.0, with_velocity=True)
+    audit = plant(2, lively=0.0)
     found = mounting_of(audit)
     assert (found.lever_arm_sd_m > PARTS["lever_arm"].limit).all()
     assert found.misalignment_sd_rad[0] > PARTS["misalignment"].limit
@@ -102,37 +97,11 @@ def test_a_straight_course_shows_no_lever_arm() -> None:
 
 
 def test_a_left_handed_frame() -> None:
-    audit = plant(3, with_velocity=True, flip=True)
+    audit = plant(3, flip=True)
     found = mounting_of(audit)
     assert found.mirrored
     assert "left_handed" in {one.kind for one in audit.findings}
     np.testing.assert_allclose(found.lever_arm_p_m, ARM, atol=0.05)
-
-
-def test_imu_with_an_axis_turned_round() -> None:
-    """The gyro's y axis against the attitude's: found, named, and the IMU is not used."""
-    t, rpy, velocity, force, rate = streams(1.0)
-    own = np.arange(2.0, 295.0, 0.5)
-    reads = np.array([oracle.dvl_reads(s, 1.0, mounted=np.eye(3), arm=np.zeros(3), scale=0.0) for s in own])
-    flip = np.array([1.0, -1.0, 1.0])
-    imu = Inertial((np.arange(len(force)) * 20_000_000).astype(np.int64), force * flip, rate * flip)
-    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity)
-    audit = Audit(alone(own, reads), reference=reference, imu=imu)
-    (named,) = (one for one in audit.findings if one.kind == "imu_axes")
-    assert named.size == 1.0
-    assert "y (its frame is left-handed)" in named.text
-    assert np.abs(mounting_of(audit).lever_arm_p_m).max() < 0.05
-
-
-@pytest.mark.parametrize(("up", "kind"), [(False, set()), (True, {"z_points_up"})])
-def test_depth_tells_which_way_z_points(up: bool, kind: set[str]) -> None:
-    t = np.arange(0.0, 400.0, 0.4)
-    w = 0.2 * np.sin(t / 15.0)
-    depth = 10.0 + np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * 0.4)])
-    time_ns = np.round(t * 1e9).astype(np.int64)
-    velocity = np.stack([np.full_like(t, 0.5), 0.0 * t, -w if up else w], axis=1)
-    velocity += 0.01 * np.random.default_rng(1).normal(size=velocity.shape)
-    assert {one.kind for one in Audit(alone(t, velocity), depths=Depths(time_ns, depth)).findings} == kind
 
 
 def steady(

@@ -13,7 +13,6 @@ from bottomlock import BeamGeometry
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.run import Audit
 from bottomlock.io.beams import read_geometry
-from bottomlock.recordings.streams import Depths
 
 Array = NDArray[np.float64]
 
@@ -27,7 +26,7 @@ class World:
         log: the pings.
         geometry: stated, or None.
         mounting_rpy_rad: (3,) stated mounting, which the geometry contains.
-        reference, depths: recordings beside the log, or None.
+        reference: recorded beside the log, or None.
     """
 
     name: str
@@ -35,7 +34,6 @@ class World:
     geometry: BeamGeometry | None
     mounting_rpy_rad: Array
     reference: Reference | None = None
-    depths: Depths | None = None
 
     def with_log(self, log: BeamLog) -> World:
         """The same with another log."""
@@ -107,7 +105,7 @@ def simulated(
         noise: of the beams.
         speed: factor of all motion; 0 is at rest.
         instrument: with the instrument's own velocity, by least squares of three or four beams.
-        beside: with attitude, velocity and depth beside the log.
+        beside: with attitude and velocity beside the log.
         geometry: packaged name.
         step_s: between pings.
     """
@@ -135,11 +133,9 @@ def simulated(
         return World("simulated", log, stated, np.zeros(3))
     velocity_t = attitude[:few].apply(body[:few]) + 0.002 * rng.normal(size=(few, 3))
     fine_ns = np.round(fine * 1e9).astype(np.int64)
-    depth = 20.0 + np.concatenate([[0.0], np.cumsum(0.05 * (velocity_t[1:, 2] + velocity_t[:-1, 2]))])
     return World(
         "simulated", log, stated, np.zeros(3),
         Reference(fine_ns, angles[:few] + 1e-4 * rng.normal(size=(few, 3)), velocity_t),
-        Depths(fine_ns, depth + 0.005 * rng.normal(size=few)),
     )  # fmt: skip
 
 
@@ -158,5 +154,5 @@ def audited(world: World) -> Audit:
     """The audit of a log with all that is beside it."""
     return Audit(
         world.log, stated=world.geometry, geometry_name="stated", mounting_rpy_rad=world.mounting_rpy_rad,
-        reference=world.reference, depths=world.depths,
+        reference=world.reference,
     )  # fmt: skip

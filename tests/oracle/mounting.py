@@ -42,14 +42,6 @@ def rate(t: float, lively: float) -> Array:
     return np.array([S[2, 1], S[0, 2], S[1, 0]])
 
 
-def specific_force(t: float, lively: float, gravity: float) -> Array:
-    """What an ideal accelerometer reads: Cᵀ (d(C v)/dt − g)."""
-    h = 5e-4
-    moved = [turn(*angles(s, lively)) @ surge_sway_heave(s, lively) for s in (t - h, t + h)]
-    acceleration = (moved[1] - moved[0]) / (2 * h)
-    return np.asarray(turn(*angles(t, lively)).T @ (acceleration - np.array([0.0, 0.0, gravity])))
-
-
 def dvl_reads(t: float, lively: float, *, mounted: Array, arm: Array, scale: float) -> Array:
     """(1 + s) R_pdᵀ (v + ω × l)."""
     w = rate(t, lively)

@@ -9,7 +9,7 @@ import pytest
 from bottomlock.errors import DataError
 from bottomlock.io.beams import read_geometry
 from bottomlock.recordings.axes import from_angles, to_angles
-from bottomlock.recordings.streams import Attitudes, Beams, Inertial, MagneticFields, Positions
+from bottomlock.recordings.streams import Attitudes, Beams, Inertial, Positions
 from bottomlock.replay.align import Alignment, align
 from bottomlock.replay.case import Case, parse_case
 from bottomlock.replay.model import imu_model
@@ -22,10 +22,6 @@ from tests.toml_text import toml
 ROLL, PITCH, YAW, LATITUDE, GRAVITY = 0.05, -0.08, 2.0, 0.57, 9.8
 SECTIONS = toml({
     "attitude": {"file": "a", "clock": {"column": "t"}, "roll": "r", "pitch": "p", "yaw": "y"},
-    "magnetometer": {
-        "file": "m", "clock": {"column": "t"}, "field": ["x", "y", "z"], "declination_deg": 4.0,
-        "heading_sd_deg": 3.0,
-    },
     "gps": {"file": "g", "clock": {"column": "t"}, "north": "n", "east": "e"},
 })  # fmt: skip
 
@@ -38,16 +34,13 @@ def case(start: str, *, gyro_bias: float = 0.01) -> Case:
 
 
 def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0.0) -> Streams:
-    """A vehicle at rest that reads gravity and the Earth's rate, moved by GPS, with field and attitude."""
+    """A vehicle at rest that reads gravity and the Earth's rate, with GPS and attitude."""
     R = matrix_from_euler(ROLL, PITCH, YAW)
     count = int(seconds * rate_hz)
     time_ns = np.arange(count, dtype=np.int64) * round(1e9 / rate_hz)
     force = np.tile(R.T @ np.array([0.0, 0.0, -GRAVITY]), (count, 1))
     omega = np.tile(R.T @ earth_rate_tangent(LATITUDE), (count, 1))
     omega = omega + np.random.default_rng(4).standard_normal((count, 3)) * rate_noise
-    north = np.array(
-        [np.cos(np.deg2rad(4.0)), np.sin(np.deg2rad(4.0)), 0.8]
-    )  # magnetic north lies 4 degrees east
     geometry = read_geometry("x_janus_20")
     beams = geometry.geometry.beam_velocities([[1.5, 0.2, -0.1]])
     along = np.outer(time_ns * 1e-9 * 2.0, [np.cos(YAW), np.sin(YAW), 0.0])
@@ -61,7 +54,6 @@ def at_rest(seconds: float = 200.0, rate_hz: float = 10.0, rate_noise: float = 0
             ),
             "gps": Positions(time_ns, along),
         },
-        magnetic_fields=MagneticFields(time_ns, np.tile(R.T @ north, (count, 1))),
         reference=None,
         origin=None,
         latitude_rad=LATITUDE,
@@ -84,21 +76,6 @@ def test_levelling_and_gyrocompass_find_a_vehicle_at_rest() -> None:
     horizontal = 7.292115e-5 * np.cos(LATITUDE)
     assert found.attitude_sd_rad[2] == pytest.approx(np.deg2rad(0.01) / 3600 / horizontal, rel=1e-9)
     assert found.attitude_sd_rad[0] == pytest.approx(0.5e-3 * 9.80665 / GRAVITY, rel=1e-9)
-
-
-def test_magnetometer_adds_the_declination() -> None:
-    found = aligned('heading = "magnetometer"')
-    assert angles(found)[2] == pytest.approx(YAW, abs=1e-9)
-    assert found.attitude_sd_rad[2] == pytest.approx(np.deg2rad(3.0))
-
-
-def test_course_states_position_noise_and_slip() -> None:
-    """150 s at 2 m/s with 2 m of noise: √2·2/300 rad, and 3 degrees for the bow that need not follow the course."""
-    found = aligned('heading = "gps_course"')
-    assert angles(found)[2] == pytest.approx(YAW, abs=1e-9)
-    assert found.attitude_sd_rad[2] == pytest.approx(
-        np.hypot(np.sqrt(2) * 2.0 / 300.0, np.deg2rad(3.0)), rel=1e-2
-    )
 
 
 def test_recorded_attitude_and_given() -> None:
@@ -145,7 +122,6 @@ def aided(of: Streams, **aids: Any) -> Streams:  # noqa: ANN401 - a stream of re
 
 
 REST = at_rest()
-MOORED = Positions(REST.inertial.time_ns, np.zeros((2000, 3)))
 SILENT = Attitudes(REST.inertial.time_ns[:100], from_angles(np.zeros(100), 0.0, 0.0))
 TURNING = replace(REST.inertial, omega_p_radps=REST.inertial.omega_p_radps + 0.01)
 DEAF = replace(REST.beams, valid=np.array([[True, True, False, False]]))
@@ -156,7 +132,6 @@ DEAF = replace(REST.beams, valid=np.array([[True, True, False, False]]))
     [
         ('heading = "gyrocompass"', REST, 30.0, "the gyros are not accurate"),
         ('heading = "gyrocompass"', replace(REST, inertial=TURNING), 0.01, "the vehicle must be at rest"),
-        ('heading = "gps_course"', aided(REST, gps=MOORED), 0.01, "the course is not known"),
         ('heading = "attitude"', aided(REST, attitude=SILENT), 0.01, r"\[attitude\] has no row in the 1 s before the"),
         ('heading = "gyrocompass"\nvelocity = "beams"', replace(REST, beams=DEAF), 0.01, "has too few valid beams"),
     ],

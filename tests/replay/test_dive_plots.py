@@ -10,7 +10,7 @@ import pytest
 from bottomlock.figures.series import Frame, Track
 from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.own_method import DEAD_RECKONING
-from bottomlock.replay.dive_plots import framed, holds, lost_beams, taken, tracks_of
+from bottomlock.replay.dive_plots import framed, lost_beams, taken, tracks_of
 from bottomlock.replay.report import dive_of
 from tests.pages.test_plots import unpacked
 from tests.replay.dive_tables import LOST_S, METHODS, SPIKE_MPS, START_NS, dive_tables, manifest
@@ -23,7 +23,13 @@ def tables() -> ReplayTables:
 
 def cut_off(frame: Frame, tracks: dict[str, Track]) -> list[str]:
     """The methods whose tracks leave the map."""
-    return [method for method, track in tracks.items() if not holds(frame, track)]
+    low, high = (frame.south_m, frame.west_m), (frame.north_m, frame.east_m)
+    return [
+        method
+        for method, track in tracks.items()
+        if ((track.north_m < low[0]) | (track.north_m > high[0])).any()
+        or ((track.east_m < low[1]) | (track.east_m > high[1])).any()
+    ]
 
 
 def test_the_free_ins_does_not_scale_the_map(tables: ReplayTables) -> None:

@@ -1,10 +1,16 @@
 """A share of `tools.first_line`: the answers that a navigator is given first, beside the truth."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bottomlock.replay.case import load_case
+from bottomlock.replay.init.make import make_case
+from bottomlock.replay.run import replay_case
 from tests import dive as dives
+from tests.dive_logs import write
 from tools.first_line import is_right, run
 from tools.first_line_rows import rows
 
@@ -59,6 +65,28 @@ def test_answers(name: str, verdict: str) -> None:
         assert is_right(found, found["reckoned_rms_m"], 0.0)
     # A declination that is added to a true heading leaves 1 m and more.
     assert "gps" not in name or name in DOUBTFUL or found["rms_m"] < 0.5
+
+
+@pytest.mark.parametrize("words", ["imu waterlinked-json depth ahrs gps", "imu velocity depth ahrs gps"])
+@pytest.mark.parametrize("fault", ["nothing", "DVL begins 60 s late"])
+def test_a_third_of_the_dive_without_aiding_is_no_yes(words: str, fault: str, tmp_path: Path) -> None:
+    """A track that begins with the dive is trusted where pings cover 85 % of it, and "partly" where they do not."""
+    dive = dives.drawn_dive(3, seconds=180.0, imu_hz=25.0, geometry="waterlinked_a50")
+    files = write(dives.FAULTS[fault](dives.tables(dive)), tmp_path, words)
+    text = make_case(files, tmp_path / "case.toml").case.read_text(encoding="utf-8")
+    text = re.sub(r"at_s = [\d.]+", "at_s = 0.5", text)
+    text = text.replace('velocity = "beams"', "velocity_mps = [1.0, 0.0, 0.0]")
+    text = text.replace("velocity_sd_mps = [0.1, 0.1, 0.1]", "velocity_sd_mps = [1.0, 0.5, 0.5]")
+    (tmp_path / "early.toml").write_text(text, encoding="utf-8")
+    for name in ("case.toml", "early.toml"):
+        case = load_case(tmp_path / name)
+        settings = case.replay.model_copy(update={"smooth": False})
+        manifest = replay_case(case.model_copy(update={"replay": settings})).manifest
+        told = [one for one in manifest["findings"] if one["kind"] == "beyond_track"]
+        assert (manifest["answer"]["verdict"], bool(told)) == (
+            ("yes", False) if fault == "nothing" else ("partly", True)
+        )
+        assert not told or told[0]["score"] == pytest.approx(1.0 / 3.0, abs=0.03)
 
 
 @pytest.mark.parametrize("name", ["case: 02 a column of intervals", "case: 15 stamps of 0"])

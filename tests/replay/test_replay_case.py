@@ -25,7 +25,7 @@ LEAST = toml({
     [
         ("force =", "forces =", "unknown key 'imu.forces', did you mean 'force'"),
         ('heading = "gyrocompass"', "", "'start.heading' is missing"),
-        ('heading = "gyrocompass"', 'heading = "magnetometer"', r"needs the section \[magnetometer\]"),
+        ('heading = "gyrocompass"', 'heading = "attitude"', r"needs the section \[attitude\]"),
         ('heading = "gyrocompass"', 'heading = "reference"\nheading_sd_deg = 1.0', r"needs the section \[reference\]"),
         ('clock = { column = "t" }', "clock = { offset_s = 1.0 }", "a clock needs 'column'"),
         ('clock = { column = "t" }', 'clock = { column = "t", start_s = 1.0 }', "'start_s' is given beside 'column'"),

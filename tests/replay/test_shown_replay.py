@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 import bottomlock
 from bottomlock.errors import DataError
-from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.page import Drawing
 from bottomlock.replay.report import dive_of, drawings
@@ -104,19 +103,3 @@ def test_its_tables_are_its_files(replay: Replay) -> None:
         assert getattr(replay, name).equals(pl.read_parquet(replay.folder / f"{name}.parquet"))
     assert bottomlock.Replay(str(replay.folder)).runs.equals(replay.runs)
     assert replay.currents is None
-
-
-def test_two_replays_of_a_dive_are_compared(replay: Replay, tmp_path: Path) -> None:
-    """Only what both have, by hand from the runs; the end of a track from the samples."""
-    no_compass = dive(["tc", "ins"]).model_copy(update={"attitude": None})
-    alone = run_replay(no_compass, tmp_path / "alone")
-    table = alone.compare(replay)
-    assert set(table["method"]) == {"tc", DEAD_RECKONING} & set(alone.methods)
-    keys = (pl.col("what_if") == "lost_34") & (pl.col("method") == "tc") & (pl.col("pass") == "forward")
-    by_quantity = {row["quantity"]: row for row in table.filter(keys).iter_rows(named=True)}
-    mine, yours = (one.runs.filter(keys)["position_final_m"].item() for one in (alone, replay))
-    error = by_quantity["position error at the end"]
-    assert (error["value"], error["other"], error["unit"]) == (mine, yours, "m")
-    assert error["difference"] == mine - yours != 0.0
-    ends = [one.samples.filter(keys)["north_m"][-1] for one in (alone, replay)]
-    assert by_quantity["end of the track, north"]["difference"] == ends[0] - ends[1] != 0.0

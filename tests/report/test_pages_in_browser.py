@@ -9,7 +9,7 @@ import pytest
 from bottomlock.figures.palette import new_figure
 from bottomlock.files.columns import CURRENT, SWEEP, VIRTUAL_BEAM_FACTOR
 from bottomlock.files.records import write_recorded_table
-from bottomlock.pages.page import Page, Part, Pictures, Table, folded, html
+from bottomlock.pages.page import Detail, Page, Part, Pictures, Table, html
 from bottomlock.report.compare import compare
 from bottomlock.report.page import make_report
 from tests.browser import CUT_OFF, WIDTHS, Browser, chromium
@@ -48,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [["`tc`", *("12.3 ▲" for _ in range(15))]],
         "A table with more columns than a telephone has room for.",
     )
-    part = Part("cells", "Cells", ["A line of text.", *pictures, folded(cells)])
+    part = Part("cells", "Cells", ["A line of text.", *pictures, Detail("cells", [cells])])
     page = Page("A study", [part], "hands", about="of one")
     (top / "sheet.html").write_text(html(page), encoding="utf-8")
     return top

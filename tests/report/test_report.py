@@ -1,7 +1,6 @@
 """The report is made from the tables alone, is one page, and says what is wrong with a directory."""
 
 import hashlib
-import itertools
 import re
 import shutil
 from collections.abc import Callable
@@ -11,12 +10,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bottomlock.errors import DataError
 from bottomlock.figures import palette
-from bottomlock.figures.labels import spread
 from bottomlock.files.campaign_tables import read_campaign_tables
 from bottomlock.files.records import write_recorded_table
 from bottomlock.kernel import METHODS as KERNEL_METHODS
@@ -183,20 +179,6 @@ def test_a_spoilt_directory_is_named(tmp_path: Path, spoil: Callable[[Path], obj
     assert str(folder) in str(caught.value)
     assert not (folder / "report.html").exists()
     assert not (folder / "figures").exists()
-
-
-@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.04, 0.08])), min_size=1, max_size=13))
-def test_labels_never_overlap(wanted: list[tuple[float, float]]) -> None:
-    """Wherever the lines end, names stand apart, in the lines' order, and inside the margin."""
-    heights = [height for _, height in wanted]
-    places = spread([place for place, _ in wanted], heights, -0.05, 1.05)
-    order = sorted(range(len(wanted)), key=lambda k: places[k])
-    room = min(1.0, 1.1 / sum(heights))
-    for below, above in itertools.pairwise(order):
-        assert places[above] - places[below] >= room * 0.5 * (heights[above] + heights[below]) - 1e-9
-        assert wanted[below][0] <= wanted[above][0]
-    assert min(places) >= -0.05
-    assert max(places) <= 1.05
 
 
 def _linear(colour: str) -> Array:

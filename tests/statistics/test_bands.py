@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import chi2
 
 from bottomlock.statistics.chi_squared import (
-    detectable_factor,
     each_probability,
     family_band,
     judged_samples,
@@ -75,11 +74,3 @@ def test_the_judged_samples_are_the_ends_of_fifths() -> None:
     assert judged_samples(250) == [49, 99, 149, 199, 249]
     assert judged_samples(301) == [59, 119, 180, 240, 300]
     assert [judged_samples(count) for count in (1, 3, 5)] == [[0], [0, 1, 2], [0, 1, 2, 3, 4]]
-
-
-def test_detectable_factor_is_detected() -> None:
-    """Errors of that much more variance than claimed pass the limit nine times in ten (4000 trials, three sigma)."""
-    factor = detectable_factor(6, 30, 0.99)
-    _, high = mean_band(6, 30, 0.99)
-    means = factor * np.random.default_rng(3).chisquare(6 * 30, size=4000) / 30
-    assert np.mean(means > high) == pytest.approx(0.9, abs=3.0 * np.sqrt(0.09 / 4000))

@@ -1,20 +1,17 @@
-"""The study: cells, pairs, verdicts of one family, resumption, page."""
+"""The study: cells, pairs, verdicts of one family, resumption, sums."""
 
 from pathlib import Path
 
-import numpy as np
 import polars as pl
 import pytest
 
 from bottomlock.campaign.run import CampaignProgress
+from bottomlock.cli.study import summary_table
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.errors import ScenarioError
-from bottomlock.figures.drawing import on_paper
 from bottomlock.files.columns import STUDY, check
-from bottomlock.pages.page import Pictures, html
 from bottomlock.statistics.chi_squared import family_band, verdict
 from bottomlock.studies.study import Cell, cells, study
-from bottomlock.studies.study_page import figure, page, summary
 
 METHODS = ("ins", "lc", "tc")
 SETS = [(1, 2, 3, 4), (1, 2), (2, 4)]
@@ -118,31 +115,9 @@ def by_hand(**change: object) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=dict(STUDY), orient="row", strict=False)
 
 
-def test_sums_by_method_and_the_page() -> None:
-    """Cells by verdict, least and greatest error; every value of the table is on the page with its mark."""
-    sums = {row["method"]: row for row in summary(by_hand()).to_dicts()}
-    assert sums["tc"] == {
-        "method": "tc", "cells": 2, "consistent": 2, "overconfident": 0, "conservative": 0,
-        "velocity_least_mps": 0.05, "velocity_most_mps": 4.25,
-    }  # fmt: skip
-    assert (sums["vb"]["overconfident"], sums["vb"]["conservative"]) == (1, 1)
-    text = html(page(by_hand(), ["Command: `x`"], "hands", Pictures()))
-    for words in (
-        "9.75 ▲",
-        "0.050 ▽",
-        "4.25",
-        "is overconfident in no cell; its velocity error is 4.25 m/s at most",
-    ):
-        assert words in text
-    assert text.count('<svg role="img"') == 1
-
-
-def test_the_figure_has_a_point_a_cell() -> None:
-    """At its error, with the interval."""
-    rows = by_hand(velocity_rms_over_runs_lo_mps=0.5, velocity_rms_over_runs_hi_mps=20.0).with_columns(
-        place="beams"
-    )
-    (axes,) = on_paper(figure(rows)).axes
-    drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines if len(line.get_xdata()) == 2]  # type: ignore[arg-type]
-    assert any(np.array_equal(one, [0.05, 4.25]) for one in drawn)
-    assert any(np.array_equal(one, [0.05, 9.75]) for one in drawn)
+def test_sums_by_method() -> None:
+    """Cells, those by verdict, least and greatest error."""
+    assert [list(row) for row in summary_table(by_hand()).rows] == [
+        ["`tc`", "2", "2", "0", "0", "0.050", "4.25"],
+        ["`vb`", "2", "0", "1", "1", "0.050", "9.75"],
+    ]

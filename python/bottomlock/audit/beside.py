@@ -1,77 +1,40 @@
-"""Checks against what stands beside a log: depth, water, mounting, IMU."""
+"""Checks against the reference that stands beside a log: its time, and the mounting by it."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from bottomlock.audit.context import Context
-from bottomlock.audit.depth import WINDOW_S
 from bottomlock.audit.findings import finding, listed
-from bottomlock.audit.logs import AXES, BeamLog
-from bottomlock.audit.mounting import PARTS, Mounting
+from bottomlock.audit.logs import BeamLog
+from bottomlock.audit.mounting import PARTS, SOURCE, Mounting
 from bottomlock.audit.robust import significant
 from bottomlock.recordings.axes import from_angles
-from bottomlock.recordings.finding import Finding, Severity
+from bottomlock.recordings.finding import Finding
 
 
 def another_time(log: BeamLog, context: Context) -> Iterator[Finding]:
-    """Recordings that have no time in common with the log, of which nothing can be said."""
-    for what, other in (("attitude", context.reference), ("IMU", context.imu), ("depth", context.depths)):
-        if other is None or ((other.time_ns >= log.time_ns[0]) & (other.time_ns <= log.time_ns[-1])).any():
-            continue
+    """A reference that has no time in common with the log, of which nothing can be said."""
+    other = context.reference
+    if other is not None and not other.spans(log.time_ns).any():
         first, last = (f"{times[0]} to {times[-1]}" for times in (log.time_ns, other.time_ns))
-        size = 1e-9 * float(other.time_ns[0] - log.time_ns[0])
-        yield finding("another_time", size, told={"what": what, "log": first, "other": last})
-
-
-def depth(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """A z axis that points up, or a wrong vertical scale."""
-    rate = context.depth
-    if rate is None:
-        return
-    caveat = (
-        "" if rate.levelled else " Without an attitude, pitch times surge is included and biases the slope."
-    )
-    basis = (
-        f"Slope {rate.slope:+.2f} ± {rate.slope_sd:.2g}, correlation {rate.correlation:+.2f} over {rate.windows} "
-        f"windows of {WINDOW_S:g} s ({rate.blocks} independent).{caveat}"
-    )
-    told = {"basis": basis}
-    if abs(rate.correlation) < 0.3 or not significant(rate.slope, rate.slope_sd, rate.blocks, 0.0):
-        yield finding("depth_not_observable", rate.slope, 0.0, told, sd=rate.slope_sd)
-    elif rate.slope < 0.0:
-        yield finding("z_points_up", rate.slope, told=told, sd=rate.slope_sd)
-    elif rate.levelled and significant(rate.slope - 1.0, rate.slope_sd, rate.blocks, 0.03):
-        size = rate.slope - 1.0
-        yield finding("vertical_scale", 100.0 * size, min(abs(size), 1.0), told, sd=100.0 * rate.slope_sd)
-
-
-def water(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """Beams of the water with a wrong sign or scale."""
-    found = context.water
-    if found is not None and found.wrong:
-        basis = (
-            f"Factor {found.scale:.2f} ± {found.scale_sd:.2g} of the velocity through the water in cell {found.cell}, "
-            f"{found.pings} pings; current north, east {listed(found.current_mps, '+.2f')} m/s."
-        )
-        severity: Severity = "fault" if found.scale < 0.0 else "warning"
-        weight = min(abs(1.0 / found.scale - 1.0), 1.0)
         yield finding(
-            "water_scale", found.scale, weight, {"basis": basis}, sd=found.scale_sd, severity=severity
+            "another_time",
+            1e-9 * float(other.time_ns[0] - log.time_ns[0]),
+            told={"log": first, "other": last},
         )
 
 
 def _basis(m: Mounting) -> str:
-    what = f"velocity changes (response {1.0 + m.scale:.2f} ± {m.scale_sd:.2g})" if m.of_changes else "motion"
     rates = listed(np.rad2deg(m.rate_rms_radps), ".2g")
     return (
-        f"From {m.source}, {m.instants} instants; residual {listed(1e3 * m.residual_mps, '.0f')} mm/s; "
-        f"{100.0 * m.explained:.0f} % of the {what} explained; rates {rates} deg/s RMS."
+        f"From {SOURCE}, {m.instants} instants; residual {listed(1e3 * m.residual_mps, '.0f')} mm/s; "
+        f"{100.0 * m.explained:.0f} % of the motion explained; rates {rates} deg/s RMS."
     )
 
 
 def mounting(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """Other recordings that do not explain the velocity, or only with a left-handed frame."""
+    """A reference that does not explain the velocity, or only with a left-handed frame."""
     m = context.mounting
     if m is not None and not m.follows:
         yield finding("mounting_not_observable", m.explained, 0.0, {"basis": _basis(m)})
@@ -113,20 +76,3 @@ def parts(_: BeamLog, context: Context) -> Iterator[Finding]:
             names = " ".join(part.names[k] for k in np.flatnonzero(unseen)).strip()
             told["names"] = names and f": {names.replace(' ', ', ')}"
             yield finding("not_observable", 0.0, 0.0, told)
-
-
-def imu(_: BeamLog, context: Context) -> Iterator[Finding]:
-    """Axes and clock of an IMU other than the attitude's."""
-    m = context.mounting
-    aligned = m.imu if m is not None and m.follows else None
-    if aligned is None or not aligned.seen:
-        return
-    diagonal = np.diag(aligned.matrix)
-    axes = [AXES[k] for k in np.flatnonzero(diagonal < -0.5)]
-    if axes:
-        left = " (its frame is left-handed)" if np.linalg.det(aligned.matrix) < 0.0 else ""
-        told = {"axes": " and ".join(axes), "left": left, "diagonal": listed(diagonal, "+.3f")}
-        yield finding("imu_axes", len(axes), told=told)
-    offset, sd = aligned.offset_s, aligned.offset_sd_s
-    if sd < 0.05 and significant(offset, sd, aligned.blocks, 0.01):
-        yield finding("imu_clock_offset", offset, min(abs(offset), 1.0), sd=sd)

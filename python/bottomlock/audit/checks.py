@@ -217,8 +217,7 @@ OF_LOG: tuple[LogCheck, ...] = (
 """Of a log alone."""
 CHECKS: tuple[Check, ...] = (
     noisy, unobservable, order, matched, unmatched, parallel, scale, bias, dependence, closures, packaged,
-    beside.another_time, beside.depth,
-    beside.mounting, beside.parts, beside.imu, beside.water,
+    beside.another_time, beside.mounting, beside.parts,
 )  # fmt: skip
 """Of a log with what stands beside it."""
 

@@ -10,16 +10,12 @@ from bottomlock.arrays import rising
 from bottomlock.audit import defects
 from bottomlock.audit.beams import BeamAssessment, assess_beams, rematched
 from bottomlock.audit.closure import closure_of
-from bottomlock.audit.depth import DepthRate, depth_rate
 from bottomlock.audit.logs import BeamLog, Reference
 from bottomlock.audit.matrix import LEAST_PINGS, Matrix, find_matrix
 from bottomlock.audit.mounting import Mounting, find_mounting, platform_rows, rows_as_stated
 from bottomlock.audit.robust import Array
-from bottomlock.audit.water import WaterAgreement, water_agreement
-from bottomlock.io.beam_table import WaterTable
 from bottomlock.io.beams import check_beam_count, packaged_geometries, read_geometry
 from bottomlock.kernel import BeamGeometry
-from bottomlock.recordings.streams import Depths, Inertial
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +27,7 @@ class Context:
         stated: geometry to compare with, in the platform frame, or None.
         geometry_name: its name, or None.
         mounting_rpy_rad: roll, pitch, yaw from DVL axes to platform axes that the geometry contains.
-        reference, imu, depths: other recordings of the same time.
-        cells: of water, of the same instrument.
-        own_attitude: as the instrument recorded it, for the water where there is no reference.
+        reference: attitude and velocity of the same time.
     """
 
     log: BeamLog
@@ -41,10 +35,6 @@ class Context:
     geometry_name: str | None = None
     mounting_rpy_rad: ArrayLike = (0.0, 0.0, 0.0)
     reference: Reference | None = None
-    imu: Inertial | None = None
-    depths: Depths | None = None
-    cells: WaterTable | None = None
-    own_attitude: Reference | None = None
 
     def __post_init__(self) -> None:
         """Checks that log and geometry have the same number of beams.
@@ -156,23 +146,8 @@ class Context:
         return log.time_ns[at], velocity[at]
 
     @cached_property
-    def depth(self) -> DepthRate | None:
-        """Depth rate against heave, or None."""
-        if self.depths is None or not len(self.velocity[0]):
-            return None
-        return depth_rate(*self.velocity, self.depths, self.reference)
-
-    @cached_property
     def mounting(self) -> Mounting | None:
         """Mounting of the DVL, or None."""
         if self.reference is None or not len(self.velocity[0]):
             return None
-        return find_mounting(*self.velocity, self.reference, self.imu)
-
-    @cached_property
-    def water(self) -> WaterAgreement | None:
-        """The water against the bottom, or None."""
-        attitude = self.own_attitude if self.reference is None else self.reference
-        if self.cells is None or self.stated is None or not self.log.beams or attitude is None:
-            return None
-        return water_agreement(self.log, self.whole, self.cells, self.stated, attitude)
+        return find_mounting(*self.velocity, self.reference)

@@ -219,25 +219,6 @@ KINDS = {
         "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
         "0.27 % beyond three sigmas",
     ),
-    "depth_not_observable": Kind(
-        "note", "",
-        "Neither the sign of z nor the vertical scale is observable: the depth hardly follows the vertical velocity.",
-        "{basis}", "Record a descent or an ascent.",
-    ),
-    "z_points_up": Kind(
-        "fault", "", "The z axis of the velocity points up: the depth increases when z is negative.", "{basis}",
-        "Rotate the velocity to forward, right, down before using it.", "a slope of +1",
-    ),
-    "vertical_scale": Kind(
-        "warning", "%", "The depth changes by {size:+.1f} % more than the integrated vertical velocity.", "{basis}",
-        "Check the tilt of the beams and the sound speed.", "a slope of +1",
-    ),
-    "water_scale": Kind(
-        "warning", "", "The beams of the water read {size:.2f} times the speed through it.", "{basis}",
-        "Check sign, unit and speed of sound of the water's velocities (a beam reads positive when the vehicle moves "
-        "along it), and whether the vehicle steers against a varying current.",
-        "1",
-    ),
     "mounting_not_observable": Kind(
         "note", "",
         "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings do not "
@@ -257,20 +238,11 @@ KINDS = {
     "lever_arm": replace(_PART, unit="m"),
     "clock_offset": replace(_PART, unit="s"),
     "velocity_scale": replace(_PART, unit="%"),
-    "imu_axes": Kind(
-        "fault", "axes", "Opposite to the attitude's: the IMU's {axes}{left}.",
-        "Rates of the IMU against the attitude: diagonal {diagonal}.", "Reverse it for accelerometer and gyro.",
-        "a diagonal of +1",
-    ),
     "another_time": Kind(
-        "fault", "s", "No reading of the {what} lies within the times of the log: it was compared with nothing.",
-        "The log is of {log} ns, the {what} of {other} ns: it begins {size:+.3f} s after the log.",
+        "fault", "s", "No reading of the reference lies within the times of the log: it was compared with nothing.",
+        "The log is of {log} ns, the reference of {other} ns: it begins {size:+.3f} s after the log.",
         "Bring both to one clock: an instrument may count from its start, where another one has the time of day.",
         "times of {log} ns",
-    ),
-    "imu_clock_offset": Kind(
-        "fault", "s", "The IMU's clock differs from the attitude's: IMU time is the attitude's time {size:+.3f} s.",
-        "± {sd:.2g} s, from the rotations in both recordings.", "Set this clock offset for the IMU.",
     ),
 }  # fmt: skip
 """By the kind, and where one has several templates by the kind and the case."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bottomlock.audit.matrix import LEAST_PINGS, azimuth, tilt
-from bottomlock.audit.mounting import Mounting
+from bottomlock.audit.mounting import SOURCE, Mounting
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit
 from bottomlock.errors import DataError
@@ -99,7 +99,7 @@ def known(m: Mounting | None, place: str) -> Calibrated:
     if m is None or not (turn or scale or clock):
         return Calibrated("", None, None, None, None, None, None)
     return Calibrated(
-        source=f"audit of {place}, from {m.source}",
+        source=f"audit of {place}, from {SOURCE}",
         mounting_rpy_rad=None,
         mounting_sd_rad=m.misalignment_sd_rad if turn else None,
         scale=m.scale if scale else None,

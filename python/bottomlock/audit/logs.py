@@ -13,7 +13,6 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bottomlock.arrays import rising
 from bottomlock.errors import DataError, bad_column
 from bottomlock.io.beams import (
     LEAST_READING_NS,
@@ -24,7 +23,6 @@ from bottomlock.io.beams import (
 )
 from bottomlock.io.columns import check_valid, column_numbers, read_flags, read_rows
 from bottomlock.recordings.axes import from_angles
-from bottomlock.recordings.streams import Attitudes, Depths, Inertial
 
 AXES = ("x", "y", "z")
 
@@ -189,17 +187,17 @@ def _beside(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Recorded attitude of the platform, with velocity where the file has it.
+    """Recorded attitude and velocity of the platform.
 
     Attributes:
         time_ns: (m,) int64, rising.
         rpy_rad: (m, 3) roll, pitch, yaw from tangent (NED) to platform frame.
-        velocity_t_mps: (m, 3) north, east, down, or None.
+        velocity_t_mps: (m, 3) north, east, down.
     """
 
     time_ns: NDArray[np.int64]
     rpy_rad: NDArray[np.float64]
-    velocity_t_mps: NDArray[np.float64] | None
+    velocity_t_mps: NDArray[np.float64]
 
     @property
     def attitude(self) -> Rotation:
@@ -209,10 +207,6 @@ class Reference:
     def spans(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether times (n,) are within."""
         return np.asarray((time_ns >= self.time_ns[0]) & (time_ns <= self.time_ns[-1]))
-
-    def at(self, time_ns: NDArray[np.int64]) -> Rotation:
-        """(n,) attitudes at times within, by shortest arcs."""
-        return Attitudes(self.time_ns, self.attitude).at(time_ns)
 
 
 def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
@@ -234,7 +228,7 @@ _LARGEST_RAD = {"roll_rad": np.pi + 1e-3, "pitch_rad": np.pi / 2.0 + 1e-3}
 
 
 def read_reference(path: str | Path) -> Reference:
-    """Reads attitude from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad` and, if present, `velocity_north_mps` ....
+    """Reads attitude and velocity from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad`, `velocity_north_mps` ....
 
     Raises:
         DataError: naming file, row and column, for what is missing, not finite, no angle in radians, or a time that
@@ -242,50 +236,10 @@ def read_reference(path: str | Path) -> Reference:
     """
     place, table = str(path), read_rows(Path(path))
     names = [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
-    velocity = _block(table, names, place) if any(name in table.columns for name in names) else None
     rpy = _block(table, ["roll_rad", "pitch_rad", "yaw_rad"], place)
     for k, (name, most) in enumerate(_LARGEST_RAD.items()):
         beyond = np.flatnonzero(np.abs(rpy[:, k]) > most)
         if beyond.size:
             row, expected = int(beyond[0]), f"at most {most:.4g} rad either way"
             raise bad_column(place, name, f"is {rpy[row, k]:g}", expected, row=row, hint="is it in degrees?")
-    return Reference(_rising(table, place), rpy, velocity)
-
-
-def read_own_attitude(path: str | Path) -> Reference | None:
-    """Attitude that the instrument recorded with its pings (`roll_rad`, `pitch_rad`, `heading_rad`); None without one.
-
-    Pings without all three, or whose time does not rise, are left out.
-
-    Raises:
-        DataError: for a file that cannot be read.
-    """
-    place, table = str(path), read_rows(Path(path))
-    names = ["roll_rad", "pitch_rad", "heading_rad"]
-    if not _filled(table, "time_ns", *names):
-        return None
-    rpy = numbers(table, names, place)
-    time_ns = times_as_they_stand(table, Columns(), place)
-    rows = np.isfinite(rpy).all(axis=1) & rising(time_ns)
-    return Reference(time_ns[rows], rpy[rows], None) if rows.sum() > 1 else None
-
-
-def read_inertial(path: str | Path) -> Inertial:
-    """Reads an IMU from `time_ns`, `force_x_mps2` ... and `omega_x_radps` ..., platform frame (FRD).
-
-    Raises:
-        DataError: as `read_reference`.
-    """
-    place, table = str(path), read_rows(Path(path))
-    force, omega = [f"force_{a}_mps2" for a in AXES], [f"omega_{a}_radps" for a in AXES]
-    return Inertial(_rising(table, place), _block(table, force, place), _block(table, omega, place))
-
-
-def read_depths(path: str | Path) -> Depths:
-    """Reads depth from `time_ns` and `depth_m`.
-
-    Raises:
-        DataError: as `read_reference`.
-    """
-    place, table = str(path), read_rows(Path(path))
-    return Depths(_rising(table, place), _block(table, ["depth_m"], place)[:, 0])
+    return Reference(_rising(table, place), rpy, _block(table, names, place))

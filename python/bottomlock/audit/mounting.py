@@ -1,7 +1,7 @@
-"""Mounting of the DVL: misalignment, lever arm, scale and clock offset, from its velocity and other recordings.
+"""Mounting of the DVL: misalignment, lever arm, scale and clock offset, from its velocity and that of a reference.
 
-The fit is that of a replay (`recordings.rig_fit`), against the reference's velocity where there is one, else against
-the IMU. A parameter that the motion does not excite keeps the spread of its wide prior and is not observable.
+The fit is that of a replay (`recordings.rig_fit`). A parameter that the motion does not excite keeps the spread of its
+wide prior and is not observable.
 """
 
 from dataclasses import dataclass
@@ -13,19 +13,15 @@ from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from bottomlock.audit.logs import AXES, BeamLog, Reference
 from bottomlock.audit.matrix import find_matrix
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear
+from bottomlock.audit.robust import LEAST_BLOCKS, Array
 from bottomlock.io.calibrated_file import ANGLES
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.axes import from_angles, to_angles
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded
 from bottomlock.recordings.rig_motion import Tracked
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
-from bottomlock.recordings.robust import sd_about_median
-from bottomlock.recordings.streams import Inertial, integrals
-from bottomlock.statistics.rms import rms
 
-BY_VELOCITY, BY_IMU = "velocity and attitude beside the log", "IMU and attitude beside the log"
-"""Sources of a mounting."""
+SOURCE = "velocity and attitude beside the log"
 REACH_S = 3.0
 """Clock offsets are searched within ± this."""
 LEAST_PINGS = 50
@@ -38,14 +34,7 @@ WIDE = LOOSE | {"clock": 2.0, "lever": 5.0}
 """1 sigma of every parameter beforehand."""
 
 LEAST_EXPLAINED = 0.5
-"""Nothing is observable in a log of whose velocity the other recordings explain a smaller fraction."""
-GAIN_SD = 0.05
-"""... or of whose changes, often noise for the most part, the response to the IMU is less certain; it is 1 for the same
-motion, 0 for another."""
-LEAST_RATE_RADPS = 1e-4
-"""RMS rate of turn from which an IMU's axes and clock show in it."""
-SHIFT_S, PASSES = 0.05, 4
-"""Step of the search of an IMU's offset, and of the derivative by it; passes of the fit."""
+"""Nothing is observable in a log of whose velocity the reference explains a smaller fraction."""
 
 
 @dataclass(frozen=True)
@@ -122,68 +111,10 @@ def rows_as_stated(geometry: BeamGeometry, rpy_rad: Array, log: BeamLog) -> tupl
 
 
 @dataclass(frozen=True, eq=False)
-class ImuAlignment:
-    """Alignment of the IMU's angular rates with those of the recorded attitude.
-
-    `offset_s` is IMU time minus attitude time of the same instant; `matrix` (3, 3) maps IMU axes to platform axes (a
-    negative diagonal entry is a reversed axis).
-    """
-
-    offset_s: float
-    offset_sd_s: float
-    matrix: Array
-    rate_rms_radps: float
-    residual_radps: float
-    blocks: int
-
-    @property
-    def seen(self) -> bool:
-        """The vehicle turns enough for axes and clock to show."""
-        return self.rate_rms_radps >= max(5.0 * self.residual_radps, LEAST_RATE_RADPS)
-
-
-def align_imu(reference: Reference, imu: Inertial) -> ImuAlignment | None:
-    """Clock offset and axes of the IMU from its rates against the attitude's; None from less than 30 s in common."""
-    stride = max(1, round(0.5e9 / float(np.median(np.diff(reference.time_ns)))))
-    rows = np.arange(0, len(reference.time_ns), stride)
-    edges = reference.time_ns[rows]
-    inside = (edges > imu.time_ns[0] + 3 * 10**9) & (edges < imu.time_ns[-1] - 3 * 10**9)
-    rows, edges = rows[inside], edges[inside]
-    if len(edges) < 60 or edges[-1] - edges[0] < 30 * 10**9:
-        return None
-    attitudes, span = reference.attitude[rows], np.diff(edges)[:, None] * 1e-9
-
-    def centred(rates: Array) -> Array:
-        return np.asarray(rates - rates.mean(axis=0))
-
-    def of_imu(offset_s: float) -> Array:
-        return centred(integrals(imu.time_ns, imu.omega_p_radps, edges + round(offset_s * 1e9)) / span)
-
-    def fitted(offset_s: float) -> tuple[Array, Array]:
-        rates = of_imu(offset_s)
-        matrix = np.asarray(np.linalg.lstsq(rates, wanted, rcond=None)[0].T)
-        return matrix, wanted - rates @ matrix.T
-
-    wanted = centred((attitudes[:-1].inv() * attitudes[1:]).as_rotvec() / span)
-    shifts = np.arange(-2.5, 2.51, SHIFT_S)
-    offset = float(min(shifts, key=lambda one: float(np.median((fitted(one)[1] ** 2).sum(axis=1)))))
-    for _ in range(PASSES):
-        matrix, left = fitted(offset)
-        change = (of_imu(offset + SHIFT_S) - of_imu(offset - SHIFT_S)) @ matrix.T / (2.0 * SHIFT_S)
-        # One row an instant: what is left along the derivative, whose size is then the only column.
-        size = np.maximum(np.linalg.norm(change, axis=1), 1e-12)
-        fit = fit_linear(size[:, None], (change * left).sum(axis=1) / size)
-        offset += float(fit.parameters[0])
-    sd, spread = float(np.std(fit.resampled)), float(sd_about_median(left))
-    return ImuAlignment(offset, sd, matrix, float(rms(wanted)), spread, fit.blocks)
-
-
-@dataclass(frozen=True, eq=False)
 class Mounting:
     """Mounting parameters of the DVL with their standard deviations.
 
     Attributes:
-        source: recordings that it was estimated from.
         rpy_rad: (3,) roll, pitch, yaw from DVL axes to platform axes.
         misalignment_sd_rad: (3,) about the platform's x, y, z.
         lever_arm_p_m, lever_arm_sd_m: (3,) from the reference's point to the DVL.
@@ -191,14 +122,12 @@ class Mounting:
         scale, scale_sd: the DVL reads (1 + scale) times the velocity.
         mirrored: the DVL's velocity fits only with its y axis reversed: the frame is left-handed.
         residual_mps: (3,) robust sigma per axis.
-        explained: fraction of the mean square of the velocity (or of its changes) that the fit explains, 0 to 1.
-        instants: number of pings or windows.
+        explained: fraction of the mean square of the velocity that the fit explains, 0 to 1.
+        instants: number of pings.
         blocks: number of independent blocks behind the standard deviations.
         rate_rms_radps: (3,) RMS angular rate of the platform.
-        imu: alignment of the IMU with the attitude, or None.
     """
 
-    source: str
     rpy_rad: Array
     misalignment_sd_rad: Array
     lever_arm_p_m: Array
@@ -213,7 +142,6 @@ class Mounting:
     instants: int
     blocks: int
     rate_rms_radps: Array
-    imu: ImuAlignment | None = None
 
     def told(self, part: Part) -> tuple[Array, Array]:
         """A parameter and its 1 sigma, (k,) each."""
@@ -225,49 +153,27 @@ class Mounting:
         return usable and bool((self.told(PARTS[kind])[1] < PARTS[kind].limit).all())
 
     @property
-    def of_changes(self) -> bool:
-        """From changes of the velocity against the IMU, else from the velocity itself."""
-        return self.source == BY_IMU
-
-    @property
     def follows(self) -> bool:
-        """The other recordings explain enough of the velocity for the parameters to be observable."""
-        certain = self.scale_sd < GAIN_SD if self.of_changes else self.explained > LEAST_EXPLAINED
-        return certain and abs(self.scale) < 0.2
+        """The reference explains enough of the velocity for the parameters to be observable."""
+        return self.explained > LEAST_EXPLAINED and abs(self.scale) < 0.2
 
 
-def find_mounting(
-    time_ns: NDArray[np.int64], velocity_d_mps: Array, reference: Reference, imu: Inertial | None
-) -> Mounting | None:
+def find_mounting(time_ns: NDArray[np.int64], velocity_d_mps: Array, reference: Reference) -> Mounting | None:
     """Estimates misalignment, lever arm, clock offset and scale of the instrument's velocity (n, 3) at times (n,), ns.
 
-    Uses the reference's velocity where there is one, otherwise the IMU. Returns None without either, or where the
-    recordings overlap by fewer than 50 pings.
+    Returns None where the recordings overlap by fewer than 50 pings.
     """
-    aligned = None if imu is None else align_imu(reference, imu)
-    motion: Inertial | Tracked | None = tracked(reference)
-    offset_s = 0.0
-    if motion is None:
-        # Only an IMU whose axes agree with those of the attitude.
-        usable = aligned is None or np.abs(aligned.matrix - np.eye(3)).max() < 0.2
-        motion = imu if usable else None
-        offset_s = 0.0 if aligned is None else aligned.offset_s
-    if motion is None:
-        return None
-    reach_ns, stamps = round((REACH_S + 0.5) * 1e9), motion.time_ns - round(offset_s * 1e9)
-    inside = (time_ns >= stamps[0] + reach_ns) & (time_ns <= stamps[-1] - reach_ns)
+    motion, reach_ns = tracked(reference), round((REACH_S + 0.5) * 1e9)
+    inside = (time_ns >= motion.time_ns[0] + reach_ns) & (time_ns <= motion.time_ns[-1] - reach_ns)
     if inside.sum() < LEAST_PINGS:
         return None
     recorded = Recorded(motion, time_ns[inside], velocity_d_mps[inside])
-    offsets_s = offset_s + np.arange(-REACH_S, REACH_S + 0.1, 0.25)
-    match = fit_anyhow(recorded, offsets_s, WIDE, around=True)
-    return None if match is None else _mounting(match, offset_s, aligned, of_imu=isinstance(motion, Inertial))
+    match = fit_anyhow(recorded, np.arange(-REACH_S, REACH_S + 0.1, 0.25), WIDE, around=True)
+    return None if match is None else _mounting(match)
 
 
-def tracked(reference: Reference) -> Tracked | None:
-    """The motion of a reference at even times; None for one without a velocity."""
-    if reference.velocity_t_mps is None:
-        return None
+def tracked(reference: Reference) -> Tracked:
+    """The motion of a reference at even times."""
     time_s, attitudes = (reference.time_ns - reference.time_ns[0]) * 1e-9, reference.attitude
     usual_s = float(np.median(np.diff(time_s)))
     at_s = np.arange(0.0, time_s[-1], min(STEP_S, usual_s))
@@ -278,16 +184,15 @@ def tracked(reference: Reference) -> Tracked | None:
     )  # fmt: skip
 
 
-def _mounting(match: Match, offset_s: float, aligned: ImuAlignment | None, *, of_imu: bool) -> Mounting:
+def _mounting(match: Match) -> Mounting:
     turn_sd, arm_sd, clock_sd, scale_sd = (
         match.part_sd(name) if match.blocks >= LEAST_BLOCKS else np.full(3, np.inf)
         for name in ("rotation", "lever", "clock", "scale")
     )
-    clock_s, scale = float(match.part("clock")[0]) - offset_s, float(match.part("scale")[0])
+    clock_s, scale = float(match.part("clock")[0]), float(match.part("scale")[0])
     mirrored = bool(np.linalg.det(match.turned) < 0.0)
     rotation = Rotation.from_matrix(match.turned @ MIRROR if mirrored else match.turned)
     return Mounting(
-        source=BY_IMU if of_imu else BY_VELOCITY,
         rpy_rad=to_angles(rotation),
         misalignment_sd_rad=turn_sd,
         lever_arm_p_m=match.part("lever"),
@@ -303,5 +208,4 @@ def _mounting(match: Match, offset_s: float, aligned: ImuAlignment | None, *, of
         instants=match.pings,
         blocks=match.blocks,
         rate_rms_radps=match.rate_rms_radps,
-        imu=aligned,
     )

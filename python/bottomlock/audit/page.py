@@ -1,20 +1,16 @@
-"""Output of an audit: tables, figures and one page."""
+"""Output of an audit: findings, figures and one page."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-import polars as pl
-from matplotlib.figure import Figure as Paper
 from scipy.ndimage import median_filter
 from scipy.stats import norm
 
 from bottomlock.audit.findings import findings_table
-from bottomlock.audit.matrix import azimuth, tilt
 from bottomlock.audit.robust import Array
 from bottomlock.audit.run import Audit, numbers_of
-from bottomlock.figures.palette import FAINT, INK, STYLE
+from bottomlock.figures.palette import INK
 from bottomlock.figures.series import Curve, Figure, Panel, valid_panel
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.overwriting import Files
@@ -23,7 +19,7 @@ from bottomlock.pages.pieces import explained, findings_part, json_part
 from bottomlock.pages.plots import Plots
 from bottomlock.text import number
 
-BLUE, ORANGE, GREEN, GREY = "#5394ec", "#fa632e", "#129e64", "#999194"
+BLUE, ORANGE, GREEN = "#5394ec", "#fa632e", "#129e64"
 COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")
 
 
@@ -45,40 +41,6 @@ def closure_figure(audit: Audit) -> Figure | None:
     ]
     x_label = "closure, mm/s (values beyond are counted in the outermost bars)"
     return Figure("", [Panel("pings", curves, log=True, x_label=x_label)], size_in=(5.6, 3.6))
-
-
-def geometry_figure(audit: Audit) -> Paper | None:
-    """Beam directions from above: estimated as points, stated as rings; None where not observable."""
-    matrix = audit.assessment.matrix
-    if matrix is None or not audit.assessment.seen:
-        return None
-    with mpl.rc_context(STYLE):
-        figure = Paper(figsize=(4.4, 4.4), layout="constrained")
-        axes = figure.add_subplot(projection="polar")
-        axes.set_theta_zero_location("N")  # type: ignore[attr-defined]
-        axes.set_theta_direction(-1)  # type: ignore[attr-defined]
-        tilts, azimuths = _polar(matrix.directions)
-        axes.set_ylim(0.0, 1.35 * float(tilts.max()))
-        if audit.stated_rows is not None:
-            rings, at = _polar(audit.stated_rows)
-            axes.plot(at, rings, "o", markersize=15, markerfacecolor="none", color=GREY, label="stated")
-            axes.legend(loc="lower right", bbox_to_anchor=(1.12, -0.08), frameon=False, fontsize=8.5)
-        for k, place in enumerate(zip(azimuths, tilts, strict=True)):
-            mark, sign = ("x", " (−)") if matrix.directions[k, 2] < 0.0 else ("o", "")
-            axes.plot(*place, mark, color=COLOURS[k], markersize=8)
-            axes.annotate(f"{k + 1}{sign}", place, xytext=(8, 8), textcoords="offset points")
-        axes.tick_params(labelsize=8.0)
-        axes.spines["polar"].set_visible(False)
-        axes.set_rlabel_position(157.5)  # type: ignore[attr-defined]
-        axes.yaxis.grid(visible=True, color=FAINT, alpha=0.4)
-        axes.set_title("beams from above: azimuth from x towards y, tilt in deg", fontsize=9.0)
-    return figure
-
-
-def _polar(directions: Array) -> tuple[Array, Array]:
-    """(n,) tilt, deg, and azimuth, rad, of (n, 3) directions; of those that point up of their opposites."""
-    vectors = np.where(directions[:, 2:3] < 0.0, -directions, directions)
-    return np.rad2deg(tilt(vectors)), azimuth(vectors)
 
 
 def jumps(readings_mps: Array) -> Array:
@@ -133,56 +95,21 @@ def plots_of(audit: Audit) -> Plots | None:
 CAPTIONS = {
     "closure": "Closure of the full pings, and a Gaussian of its robust sigma.",
     "curves": "Closure, readings of the beams, their deviation from the median over five pings, and which are valid.",
-    "geometry": "Beam directions estimated from the log.",
 }
 """Caption of each figure, by its file's name."""
 
 
-def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure | Paper]:
+def drawings(audit: Audit, plots: Plots | None) -> dict[str, Figure]:
     """The figures of an audit, by name; `plots` are its curves against time."""
     made = {
         "closure": closure_figure(audit),
         "curves": None if plots is None else plots.first,
-        "geometry": geometry_figure(audit),
     }
     return {name: figure for name, figure in made.items() if figure is not None}
 
 
-_INTEGERS = {"beam", "observable", "stated_beam", "stated_sign"}
-
-
-def beams_table(audit: Audit) -> pl.DataFrame:
-    """A row per beam: tilt, azimuth, scale and bias with standard deviations, stated beam, fraction of valid pings."""
-    log, m, matched = audit.log, audit.assessment.matrix, audit.assessment.match
-    columns: dict[str, Any] = {"beam": np.arange(log.beams) + 1, "valid_fraction": log.valid.mean(axis=0)}
-    for name in ("tilt", "tilt_sd", "azimuth", "azimuth_sd"):
-        columns[f"{name}_deg"] = m and np.rad2deg(getattr(m, f"{name}_rad"))
-    for name in ("scale", "scale_sd", "bias_mps", "bias_sd_mps", "observable"):
-        columns[name] = m and getattr(m, name)
-    columns |= {"stated_beam": matched and matched.beam + 1, "stated_sign": matched and matched.sign}
-    columns["off_deg"] = matched and np.rad2deg(matched.off_rad)
-    return pl.DataFrame(
-        [
-            pl.Series(name, [None] * log.beams if of is None else np.asarray(of).tolist(), strict=False,
-                dtype=pl.Int64() if name in _INTEGERS else pl.Float64())
-            for name, of in columns.items()
-        ]
-    )  # fmt: skip
-
-
-def closure_table(audit: Audit) -> pl.DataFrame:
-    """A row per full ping and closure: time and value, m/s."""
-    times = audit.log.time_ns[audit.assessment.full]
-    frames = [
-        pl.DataFrame({"time_ns": times, "closure": np.full(len(times), k + 1), "closure_mps": values})
-        for k, values in enumerate(_closures(audit))
-    ]
-    empty = pl.DataFrame(schema={"time_ns": pl.Int64(), "closure": pl.Int64(), "closure_mps": pl.Float64()})
-    return pl.concat([empty, *frames])
-
-
 def audit_files(audit: Audit) -> Files:
-    """The contents of audit.json, findings.parquet, beams.parquet, closure.parquet, the figures and audit.html.
+    """The contents of audit.json, findings.parquet, the figures and audit.html.
 
     The same log gives the same bytes.
     """
@@ -190,8 +117,6 @@ def audit_files(audit: Audit) -> Files:
     files: Files = {
         "audit.json": json_text(content),
         "findings.parquet": parquet_bytes(findings_table(audit.findings)),
-        "beams.parquet": parquet_bytes(beams_table(audit)),
-        "closure.parquet": parquet_bytes(closure_table(audit)),
     }
     drawn, plots = Pictures(""), plots_of(audit)
     pictures = {
@@ -271,7 +196,6 @@ ESTIMATES = (
     ("closure", "99 % of the sizes, mm/s", "p99_mps", "", MM),
     ("closure", "largest, mm/s", "max_mps", "", MM),
     ("closure", "beyond 3 sigma (Gaussian: 0.27), %", "beyond_3_sigma", "", HUNDRED),
-    ("depth_rate", "change of depth over the integrated velocity", "slope", "slope_sd", 1.0),
     (
         "mounting",
         "roll, pitch, yaw of the DVL against the platform, °",
@@ -282,12 +206,7 @@ ESTIMATES = (
     ("mounting", "lever arm x, y, z, m", "lever_arm_p_m", "lever_arm_sd_m", 1.0),
     ("mounting", "reference time minus DVL time, s", "clock_offset_s", "clock_offset_sd_s", 1.0),
     ("mounting", "scale, %", "scale", "scale_sd", HUNDRED),
-    ("mounting", "explained of the velocity (or of its changes), %", "explained", "", HUNDRED),
-    ("water", "current to north and east, m/s", "current_mps", "", 1.0),
-    ("water", "its drift, m/s in an hour", "drift_mps_per_h", "", 1.0),
-    ("water", "current of one ping, 1 sigma, m/s", "ping_sd_mps", "", 1.0),
-    ("water", "water_track.noise_mps of a case", "beam_sd_mps", "", 1.0),
-    ("water", "factor of the water's readings", "scale", "scale_sd", 1.0),
+    ("mounting", "explained of the velocity, %", "explained", "", HUNDRED),
 )
 """Of which block of audit.json, name with unit, names of value and 1 sigma there, and the factor to the unit."""
 _CAPTION = "Value, a number a beam or axis, ± 1 sigma; the matrix is the one that the instrument uses."

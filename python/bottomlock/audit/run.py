@@ -1,4 +1,4 @@
-"""A whole audit: the log, the other recordings of the same time, and all findings."""
+"""A whole audit: the log, the reference of the same time, and all findings."""
 
 from functools import cached_property
 from pathlib import Path
@@ -8,19 +8,17 @@ import numpy as np
 
 from bottomlock.audit.checks import found_in
 from bottomlock.audit.context import Context
-from bottomlock.audit.logs import Reference, read_log, read_own_attitude
+from bottomlock.audit.logs import Reference, read_log
 from bottomlock.files.atomic_write import plain
-from bottomlock.io.beam_table import read_water_table, water_file
 from bottomlock.io.beams import read_geometry
 from bottomlock.recordings.finding import Finding
-from bottomlock.recordings.streams import Depths, Inertial
 
 
 class Audit(Context):
     """An audit of a log that has been read: what is estimated of it, and what is found.
 
     Raises:
-        DataError: for a geometry or water with another number of beams than the log.
+        DataError: for a geometry with another number of beams than the log.
 
     Examples:
         >>> from bottomlock import BeamGeometry
@@ -45,15 +43,13 @@ def audit_file(
     *,
     geometry: str | Path | None = None,
     reference: Reference | None = None,
-    imu: Inertial | None = None,
-    depths: Depths | None = None,
 ) -> Audit:
-    """Reads and audits a log, with the table of its water where one stands beside it.
+    """Reads and audits a log.
 
     Args:
         path: a beam table (CSV or Parquet), or a log whose columns the geometry file maps.
         geometry: TOML file or packaged name to compare with.
-        reference, imu, depths: other recordings of the same time.
+        reference: attitude and velocity of the same time.
 
     Raises:
         DataError: for a log that cannot be read or does not fit the geometry.
@@ -61,15 +57,12 @@ def audit_file(
     """
     instrument = None if geometry is None else read_geometry(geometry)
     log = read_log(path, None if instrument is None else instrument.columns)
-    water = water_file(path)
     made = Audit(
         log,
         None if instrument is None else instrument.geometry,
         None if geometry is None else str(geometry),
         np.zeros(3) if instrument is None else instrument.mounting_rpy_rad,
-        reference, imu, depths,
-        read_water_table(water) if water.is_file() else None,
-        read_own_attitude(path) if water.is_file() else None,
+        reference,
     )  # fmt: skip
     assert made.findings is not None  # so that what does not fit is refused here
     return made
@@ -108,8 +101,6 @@ def numbers_of(audit: Audit) -> dict[str, Any]:
             for one in found.closures
         ],
         "closure_slope": found.slope,
-        "depth_rate": audit.depth,
         "mounting": audit.mounting,
-        "water": audit.water,
     }  # fmt: skip
     return dict(plain(content))

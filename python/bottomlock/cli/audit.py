@@ -13,8 +13,6 @@ def audit(
     out: Out = None,
     geometry: str | None = None,
     attitude: Path | None = None,
-    imu: Path | None = None,
-    depth: Path | None = None,
     write: Path | None = None,
     force: Force = False,
 ) -> None:
@@ -27,29 +25,24 @@ def audit(
         out: Directory for audit.json, tables, figures and audit.html; LOG_audit by default.
         geometry: Geometry to compare with: a packaged one or a TOML file, whose column map is used. By default what
             `convert` noted beside the table.
-        attitude: CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, and velocity_north_mps ... if known.
-        imu: CSV or Parquet: time_ns, force_x_mps2 ..., omega_x_radps ..., forward-right-down.
-        depth: CSV or Parquet: time_ns, depth_m.
+        attitude: CSV or Parquet: time_ns, roll_rad, pitch_rad, yaw_rad, velocity_north_mps ..., for the mounting.
         write: TOML file to which the estimated geometry is written, with mounting, scale and clock.
     """
     from bottomlock.audit.geometry_file import geometry_text
-    from bottomlock.audit.logs import read_depths, read_inertial, read_reference
+    from bottomlock.audit.logs import read_reference
     from bottomlock.audit.page import audit_files, page_of
     from bottomlock.audit.run import audit_file, numbers_of
     from bottomlock.cli.page_output import print_part
     from bottomlock.files.atomic_write import write_text
     from bottomlock.files.overwriting import Result, check_free
     from bottomlock.files.records import sha256_of
-    from bottomlock.io.beam_table import water_file
     from bottomlock.io.calibrated_file import require_toml
     from bottomlock.io.formats import converted_first
 
     out, geometry = out or beside(log, "audit"), geometry_of(log, geometry)
-    read = {"log": log, "attitude": attitude, "imu": imu, "depth": depth}
+    read = {"log": log, "attitude": attitude}
     if geometry is not None:
         read["geometry"] = Path(geometry)
-    if water_file(log).is_file():
-        read["water"] = water_file(log)
     files = {name: path for name, path in read.items() if path is not None and path.is_file()}
     made_from = {name: sha256_of(path) for name, path in files.items()} | {
         name: str(path) for name, path in read.items() if path is not None and name not in files
@@ -60,10 +53,8 @@ def audit(
         require_toml(write)
         check_free(write, inputs=files.values(), force=force)
     reference = None if attitude is None else read_reference(attitude)
-    inertial = None if imu is None else read_inertial(imu)
-    depths = None if depth is None else read_depths(depth)
     with converted_first(log):
-        report = audit_file(log, geometry=geometry, reference=reference, imu=inertial, depths=depths)
+        report = audit_file(log, geometry=geometry, reference=reference)
     # The findings say why a log gives no geometry to write, so they are printed before it is refused.
     page = page_of(report, numbers_of(report))
     console.print(page.about, highlight=False)

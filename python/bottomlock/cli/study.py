@@ -61,7 +61,7 @@ def study(
 ) -> None:
     """Compare the methods under sets of returning beams and sensors: errors, NEES, NIS, verdicts.
 
-    Writes study.parquet and study.html. An interrupted study resumes.
+    Writes study.parquet. An interrupted study resumes.
 
     Args:
         scenario: Packaged scenarios or TOML files; the three trajectories of the paper by default.
@@ -70,14 +70,10 @@ def study(
     from bottomlock.cli.page_output import print_table
     from bottomlock.files.atomic_write import parquet_bytes
     from bottomlock.files.overwriting import Result
-    from bottomlock.files.versions import library_versions
-    from bottomlock.kernel import kernel_version
-    from bottomlock.pages.page import Pictures, html
     from bottomlock.statistics.chi_squared import FALSE_ALARM
     from bottomlock.studies import cases
     from bottomlock.studies.study import cells
     from bottomlock.studies.study import study as run_study
-    from bottomlock.studies.study_page import page, summary_table
 
     loaded = load_scenarios(
         scenario or cases.PAPER_TRAJECTORIES,
@@ -105,11 +101,7 @@ def study(
         result.write({}, force=force)
     with progress_bar(out, kept="cells") as progress:
         table = run_study(wanted, folder=out / "cells", threads=threads, force=force, progress=progress)
-    versions = ", ".join(f"{name} {version}" for name, version in library_versions().items())
-    about = f"bottomlock {kernel_version()}, {versions}"
-    pictures = Pictures()
-    text = html(page(table, [f"Command: `{command}`", f"Made with {about}"], about, pictures))
-    result.write({"study.parquet": parquet_bytes(table), "study.html": text, **pictures.files}, force=force)
+    result.write({"study.parquet": parquet_bytes(table)}, force=force)
     if json:
         print_json({"out": str(out), "command": command, "cells": table.to_dicts()})
         return
@@ -117,9 +109,7 @@ def study(
         for title, shown in cell_tables(table):
             print_table(title, shown)
     print_table("methods: cells by verdict, velocity error at the end", summary_table(table))
-    console.print(
-        f"false-alarm rate of all verdicts together: {FALSE_ALARM:.0%}; study.parquet and study.html in {out}"
-    )
+    console.print(f"false-alarm rate of all verdicts together: {FALSE_ALARM:.0%}; study.parquet in {out}")
 
 
 def parse_masks(text: str | None, beams: int) -> list[tuple[int, ...] | None]:
@@ -172,3 +162,26 @@ def cell_tables(table: pl.DataFrame) -> Iterator[tuple[str, Table]]:
         shown = [[*row, verdict or "-"] for row, verdict in zip(texts, rows["verdict"], strict=True)]
         title = "{}, beams {}, sensors {}: RMS over runs at the end".format(*place)
         yield title, Table([*heads, "verdict"], shown)
+
+
+def summary_table(table: pl.DataFrame) -> Table:
+    """A row a method of `files.columns.STUDY`: its cells by verdict, least and greatest velocity error, m/s."""
+    import polars as pl
+
+    from bottomlock.pages.page import Table
+    from bottomlock.statistics.chi_squared import CONSERVATIVE, CONSISTENT, OVERCONFIDENT
+    from bottomlock.text import plain
+
+    velocity = pl.col("velocity_rms_over_runs_mps")
+    verdicts = (CONSISTENT, OVERCONFIDENT, CONSERVATIVE)
+    summed = table.group_by("method", maintain_order=True).agg(
+        pl.len(),
+        *((pl.col("verdict") == one).sum().alias(one) for one in verdicts),
+        velocity.min().alias("least"),
+        velocity.max().alias("most"),
+    )
+    rows = [
+        [f"`{method}`", *map(str, counts), plain(least), plain(most)]
+        for method, *counts, least, most in summed.rows()
+    ]
+    return Table(["method", "cells", *verdicts, "least, m/s", "greatest, m/s"], rows)

@@ -52,8 +52,6 @@ def tune(
 
 def print_tuned(tuned: Tuned) -> None:
     """What was found, and what the rest of the recording says of it."""
-    from bottomlock.replay.tune.passes import LEFT_OUT
-
     title = f"{tuned.case.name}: estimated on the first {tuned.fraction:.0%}"
     console.print(narrow_table(title, ["setting", "old", "new", "± 1σ", "gain"], map(_row, tuned.parameters)))
     judged = []
@@ -62,7 +60,6 @@ def print_tuned(tuned: Tuned) -> None:
         by_term.setdefault((term["sensor"], term["horizon_s"]), {})[term["values"]] = term
     for (sensor, horizon_s), of in sorted(by_term.items()):
         after = "a step" if horizon_s == 0.0 else f"{horizon_s:g} s"
-        after = f"up to {after}" if sensor == LEFT_OUT else after
         numbers = [
             f"{sign * of[name][column]:.2f}" if name in of else "–"
             for column, sign in (("error_over_sd", 1.0), ("score", -1.0))
@@ -88,13 +85,8 @@ def _row(parameter: TunedParameter) -> tuple[str | Text, ...]:
 
 def sentences(tuned: Tuned) -> list[str]:
     """The verdicts, a sentence a line."""
-    lines = []
-    for name, correlation in tuned.autocorrelation.items():
-        lines.append(
-            f"{name} values: innovations of the beams correlate by {correlation:.2f} with their neighbours (0 if white)"
-            if any(term["values"] == name for term in tuned.terms)
-            else f"{name} values: the filter ends in an error"
-        )
+    failed = [name for name in ("old", "new") if not any(term["values"] == name for term in tuned.terms)]
+    lines = [f"{name} values: the filter ends in an error" for name in failed]
     outliers, beams = tuned.outliers
     lines.append(f"{outliers} of {beams} beam readings left out as outliers, of old and new alike")
     if not tuned.has_settled:

@@ -77,35 +77,14 @@ def sweep_of(rows: pl.DataFrame, level: tuple[str, float] | None = None) -> Pane
         level: a method without that setting and its error in m/s, drawn across.
     """
     title = str(rows["trajectory"][0]).replace("_", " ") + ": velocity error, m/s"
-    panel = _at_places(rows, "value", title)
-    if level is None:
-        return panel
-    ends = np.array([0.0, len(panel.places) - 1.0])
-    across = Curve(level[0], stroke(level[0]).colour, ends, np.full(2, level[1]))
-    return _panel(title, [*panel.curves, across], places=panel.places)
-
-
-def places_of(rows: pl.DataFrame, methods: Sequence[str], title: str) -> Panel:
-    """Velocity errors at the end with 95 % intervals in the cells of a study, the methods side by side.
-
-    Args:
-        rows: of `files.columns.STUDY` on one trajectory, with the name of each cell as `place`.
-        methods: which to draw.
-        title: quantity and unit.
-    """
-    return _at_places(rows.filter(pl.col("method").is_in(list(methods))), "place", title, joined=False)
-
-
-def _at_places(rows: pl.DataFrame, by: str, title: str, *, joined: bool = True) -> Panel:
-    """The velocity errors of rows against a column of names, with their intervals where they have some."""
-    places, curves = rows[by].unique(maintain_order=True), []
-    at, name = np.arange(len(places), dtype=np.float64), "velocity_rms_over_runs"
+    places, curves = rows["value"].unique(maintain_order=True), []
+    at = np.arange(len(places), dtype=np.float64)
     for (method,), part in rows.group_by("method", maintain_order=True):
-        table = pl.DataFrame([places]).join(part, on=by, how="left", maintain_order="left")
-        ends = [table[f"{name}_{end}_mps"].fill_null(np.nan).to_numpy() for end in ("lo", "hi") if not joined]
-        value = table[f"{name}_mps"].fill_null(np.nan)
-        curves.append(_curve(str(method), at, value, (ends[0], ends[1]) if ends else None))
-    return _panel(title, curves, places=places.to_list(), joined=joined)
+        table = pl.DataFrame([places]).join(part, on="value", how="left", maintain_order="left")
+        curves.append(_curve(str(method), at, table["velocity_rms_over_runs_mps"].fill_null(np.nan)))
+    if level is not None:
+        curves.append(Curve(level[0], stroke(level[0]).colour, at[[0, -1]], np.full(2, level[1])))
+    return _panel(title, curves, places=places.to_list())
 
 
 def calibration_of(curves: Mapping[str, tuple[Floats, Floats]]) -> Panel:

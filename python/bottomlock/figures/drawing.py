@@ -8,14 +8,16 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure as Paper
+from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
+from bottomlock.figures.labels import Line, draw_lines, name_beside
 from bottomlock.figures.map import draw_map
 from bottomlock.figures.palette import FAINT, INK, STYLE, WIDTH_IN, draw_order, new_figure, shown_figure
 from bottomlock.figures.series import Curve, Figure, Floats, Panel, is_utc
@@ -181,7 +183,7 @@ def _panel(axes: Axes, panel: Panel, figure: Figure) -> None:
     size, pad = 10.0 if panel.compared else 9.0, 4.0 + 11.0 * bool(panel.band_label)
     axes.set_title(panel.title, loc="left", fontsize=size, pad=pad)
     if named:
-        label_ends(axes, _compared(axes, panel, named))
+        name_beside(axes, _compared(axes, panel, named))
     elif not panel.names:
         _legend(axes, panel.curves)
 
@@ -252,34 +254,28 @@ def _decades(panel: Panel) -> tuple[float, float]:
     return max(low / 1.4, high / 10.0**ORDERS), high
 
 
-def _compared(axes: Axes, panel: Panel, curves: Sequence[Curve]) -> list[Line]:
-    """Draws curves of methods, those that coincide as one line; gives the lines that are named at their ends."""
+def _compared(axes: Axes, panel: Panel, curves: Sequence[Curve]) -> list[Artist]:
+    """Draws curves of methods, and gives what the legend names."""
     areas = [curve for curve in curves if curve.kind == "area"]
     for curve in areas:
         _shade(axes, curve, 1.0)
     of = {curve.label: curve for curve in curves if curve.kind != "area"}
-    groups = coincident(axes, {name: (of[name].x, of[name].value) for name in draw_order(list(of))})
-    names = [name for group in groups for name in group]
+    names = draw_order(list(of))
     if not panel.joined:
         for k, name in enumerate(names):
             of[name] = replace(of[name], x=of[name].x + 0.7 * ((k + 0.5) / len(names) - 0.5))
     # Overlapping bands must stay transparent.
     alpha = 0.14 if panel.log or sum(curve.bounds is not None for curve in curves) < 3 else 0.06
-    for name in [group[0] for group in groups] if panel.joined else names:
-        _shade(axes, of[name], alpha, bars=not panel.joined)
-    lines = [Line(group, of[group[-1]].x, of[group[0]].value, of[group[0]].colour) for group in groups]
-    apart = [Line((name,), of[name].x, of[name].value, of[name].colour) for name in names]
-    draw_lines(axes, lines if panel.joined else apart, every=bool(panel.places), joined=panel.joined)
-    return [*lines, *(Line((curve.label,), curve.x, curve.value, curve.colour) for curve in areas)]
+    for name in names:
+        _shade(axes, of[name], alpha)
+    lines = [Line(name, of[name].x, of[name].value) for name in names]
+    drawn = draw_lines(axes, lines, every=bool(panel.places), joined=panel.joined)
+    return [*drawn, *(Patch(color=curve.colour, label=curve.label) for curve in areas)]
 
 
-def _shade(axes: Axes, curve: Curve, alpha: float, *, bars: bool = False) -> None:
-    """The interval of a curve as an area, or as a bar at each value; nothing where it has none."""
-    if curve.bounds is None:
-        return
-    if bars:
-        axes.vlines(curve.x, *curve.bounds, color=curve.colour, linewidth=1.4)
-    else:
+def _shade(axes: Axes, curve: Curve, alpha: float) -> None:
+    """The interval of a curve as an area; nothing where it has none."""
+    if curve.bounds is not None:
         axes.fill_between(curve.x, *curve.bounds, color=curve.colour, alpha=alpha, linewidth=0.0)
 
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
-from bottomlock.figures.labels import Line, coincident, draw_lines, label_ends
+from bottomlock.figures.labels import Line, draw_lines, name_beside
 from bottomlock.figures.palette import INK, draw_order
 from bottomlock.figures.series import Frame, Track
 
@@ -38,18 +38,10 @@ def draw_map(axes: Axes, tracks: Sequence[Track], frame: Frame) -> None:
         if track.sd_east_m is not None:
             _ellipses(axes, track)
     drawn = [ways[name] for name in draw_order(list(ways))]
-    draw_lines(
-        axes, [Line((track.label,), track.east_m, track.north_m, track.colour) for track in drawn], width=1.3
-    )
-    ends = {track.label: track for track in drawn if _inside(axes, track).any()}
-    groups = coincident(axes, {name: (track.east_m, track.north_m) for name, track in ends.items()})
-    label_ends(axes, [_line(axes, group, ends[group[0]]) for group in groups])
+    lines = [Line(track.label, track.east_m, track.north_m) for track in drawn]
+    if lines:
+        name_beside(axes, draw_lines(axes, lines, width=1.3))
     _places(axes, tracks[0], ended=not ways)
-
-
-def shown_frame(axes: Axes) -> Frame:
-    """What a map shows: its frame, with what the shape of the figure leaves room for."""
-    return Frame(*axes.get_ylim(), *axes.get_xlim())
 
 
 def _scale(axes: Axes, frame: Frame) -> None:
@@ -62,20 +54,6 @@ def _scale(axes: Axes, frame: Frame) -> None:
     ):
         middle, half = 0.5 * (low + high), 0.5 * m_per_pixel * pixels
         limit(middle - half, middle + half)
-
-
-def _inside(axes: Axes, track: Track) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """(n,) which points of a track the map shows."""
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    return np.asarray(
-        (track.east_m >= west) & (track.east_m <= east) & (track.north_m >= south) & (track.north_m <= north)
-    )
-
-
-def _line(axes: Axes, methods: tuple[str, ...], track: Track) -> Line:
-    """A track up to the last point that the map shows, where its label points to."""
-    last = int(np.flatnonzero(_inside(axes, track))[-1]) + 1
-    return Line(methods, track.east_m[:last], track.north_m[:last], track.colour)
 
 
 def _places(axes: Axes, first: Track, *, ended: bool) -> None:
@@ -136,10 +114,12 @@ def _lost(axes: Axes, track: Track) -> None:
                 solid_capstyle="butt", label=f"{number} lost",
             )  # fmt: skip
     if shown:
-        axes.legend(
+        beams = axes.legend(
             handles=[shown[number] for number in sorted(shown)], title="beams", loc="upper left",
             bbox_to_anchor=(1.0, 0.3), fontsize=8.5, title_fontsize=8.5, frameon=False, alignment="left",
         )  # fmt: skip
+        # The legend of the methods would take its place.
+        axes.add_artist(beams)
 
 
 def _ellipses(axes: Axes, track: Track) -> None:

@@ -64,10 +64,6 @@ REPLAY_SAMPLES: Schema = schema(
 without a reference) and its claimed standard deviation. Latitude, longitude and height are null without an origin on
 the Earth."""
 
-REPLAY_COMPARISON: Schema = schema("what_if method pass quantity unit: text", "value other difference: float")
-"""A row per what-if case, method, pass and quantity that two replays of one dive both have, and the difference of
-the first replay to the other."""
-
 
 def innovations_schema(beams: int) -> dict[str, pl.DataType]:
     """A row per what-if case, method and ping: its outcome, NIS, and the innovation of each beam that is used."""

@@ -241,11 +241,6 @@ def kind_of(text: str) -> str:
     return getattr(text, "kind", text if text in VERDICTS else "")
 
 
-def folded(table: Table) -> Detail:
-    """A table behind the name of its first column."""
-    return Detail(f"{table.columns[0].replace('_', ' ')}: {len(table.rows)} rows", [table])
-
-
 def listed(lines: Sequence[str]) -> str:
     """A list in Markdown."""
     return "\n".join(f"- {line}" for line in lines)

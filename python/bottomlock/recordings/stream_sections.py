@@ -231,19 +231,6 @@ class AttitudeStream(AttitudeReference, SensorStream):
     """unit of the angles"""
 
 
-class MagnetometerStream(MountedStream):
-    """Magnetic field in sensor axes, for the initial heading; any unit, the same for all three axes."""
-
-    field: Annotated[ColumnTriple, shown(example=["mx", "my", "mz"])]
-    """columns of the field, any unit"""
-    declination_deg: Annotated[float, Field(ge=-180, le=180), shown(example=4.5)]
-    """declination, from true to magnetic north"""
-    hard_iron: Annotated[Vector, shown(unit="the field's")] = (0.0, 0.0, 0.0)
-    """subtracted from the readings, sensor axes"""
-    heading_sd_deg: Annotated[Positive, shown(example=5.0)]
-    """1 sigma of the heading at the start"""
-
-
 class PositionStream(Stream):
     """Positions as latitude, longitude and height, or north, east and down in m (`height` is positive up)."""
 

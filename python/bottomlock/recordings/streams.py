@@ -143,14 +143,6 @@ class Forces:
 
 
 @dataclass(frozen=True, eq=False)
-class MagneticFields:
-    """Magnetic field in the platform frame, (n, 3), any unit."""
-
-    time_ns: Times
-    field_p: Floats
-
-
-@dataclass(frozen=True, eq=False)
 class Positions:
     """Positions of a point of the vehicle in the tangent frame, (n, 3), and their 1 sigma where recorded, (n, 3).
 

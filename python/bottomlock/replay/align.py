@@ -51,12 +51,10 @@ def _given(part: T | None) -> T:
     return part
 
 
-NEEDS_WINDOW = {"levelling", "magnetometer", "gps_course", "gyrocompass"}
+NEEDS_WINDOW = {"levelling", "gyrocompass"}
 """Sources that average the readings of a window before the start."""
 PING_AGE_S = 5.0
 """Greatest age of the ping that gives the initial velocity."""
-SIDESLIP_SD_RAD = np.deg2rad(3.0)
-"""Angle between heading and course, 1 sigma: sideslip and current, which GPS does not measure."""
 MAX_RATE_AT_REST_RADPS = np.deg2rad(0.05)
 """Gyrocompassing is rejected when the mean rate over the window exceeds this: 12 times the Earth's rate."""
 
@@ -232,10 +230,6 @@ def _heading(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float
     if start.heading == "attitude":
         angles, source = _recorded_angles(inputs)
         return float(angles[2]), float(np.deg2rad(_given(inputs.case.attitude).start_yaw_sd_deg)), source
-    if start.heading == "magnetometer":
-        return _magnetic(inputs, roll, pitch)
-    if start.heading == "gps_course":
-        return _course(inputs)
     return _gyrocompass(inputs, roll, pitch)
 
 
@@ -254,42 +248,6 @@ def _recorded_angles(inputs: _AlignmentInputs) -> tuple[Floats, str]:
     return to_angles(recorded.attitude[row]), f"from the recorded attitude {age:.3f} s before"
 
 
-def _level_frame(roll: float, pitch: float, vector_p: Floats) -> Floats:
-    """A platform vector (3,) rotated through roll and pitch only, into the level frame of the same heading."""
-    return np.asarray(from_angles(roll, pitch, 0.0).apply(vector_p))
-
-
-def _magnetic(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
-    fields, stream = _given(inputs.streams.magnetic_fields), _given(inputs.case.magnetometer)
-    rows = slice(*np.searchsorted(fields.time_ns, [inputs.window_ns, inputs.start_ns + 1]))
-    mean, _ = mean_over(fields.field_p[rows], "magnetometer", inputs.case.start.window_s)
-    north, east, _ = _level_frame(roll, pitch, mean)
-    heading = float(np.arctan2(-east, north) + np.deg2rad(stream.declination_deg))
-    source = f"magnetic over {inputs.case.start.window_s:g} s, declination {stream.declination_deg:g} deg"
-    return heading, float(np.deg2rad(stream.heading_sd_deg)), source
-
-
-def _course(inputs: _AlignmentInputs) -> tuple[float, float, str]:
-    positions, stream = _given(inputs.streams.gps), _given(inputs.case.gps)
-    rows = np.arange(*np.searchsorted(positions.time_ns, [inputs.window_ns, inputs.start_ns + 1]))
-    if len(rows) < 2:
-        raise DataError(
-            f"has {len(rows)} positions in the window before the start", key="[gps]", expected="2 or more"
-        )
-    north, east, _ = positions.position_t_m[rows[-1]] - positions.position_t_m[rows[0]]
-    baseline_m = float(np.hypot(north, east))
-    baseline_sd_m = float(np.sqrt(2.0) * max(stream.position_sd_m[:2]))
-    if baseline_m < 2.0 * baseline_sd_m:
-        raise DataError(
-            f'start.heading = "gps_course": the antenna moved {baseline_m:.2f} m over the window',
-            expected=f"more than {2.0 * baseline_sd_m:.2f} m, twice its own uncertainty: the course is not known",
-            hint="lengthen start.window_s or use another source",
-        )
-    source = f"GPS course over {baseline_m:.1f} m, heading taken equal to it"
-    sd = float(np.hypot(baseline_sd_m / baseline_m, SIDESLIP_SD_RAD))
-    return float(np.arctan2(east, north)), sd, source
-
-
 def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[float, float, str]:
     """Heading from the Earth's rate, whose horizontal component points north.
 
@@ -302,7 +260,8 @@ def _gyrocompass(inputs: _AlignmentInputs, roll: float, pitch: float) -> tuple[f
             f'start.heading = "gyrocompass": the mean rate is {np.rad2deg(size):.3g} deg/s over the window',
             expected=f"less than {np.rad2deg(MAX_RATE_AT_REST_RADPS):.2g}: the vehicle must be at rest",
         )
-    north, east, _ = _level_frame(roll, pitch, rate)
+    # Rotated through roll and pitch alone, into the level frame of the same heading.
+    north, east, _ = from_angles(roll, pitch, 0.0).apply(rate)
     horizontal = EARTH_RATE_RADPS * float(np.cos(inputs.streams.latitude_rad))
     heading = float(np.arctan2(-east, north))
     error = float(np.hypot(inputs.imu.gyro_bias_sd_radps, rate_sd.max()))

@@ -55,17 +55,16 @@ class NoiseGroup:
 
 @dataclass(frozen=True, eq=False)
 class BeamNoise:
-    """Noise of every ping: `factor` (n,), `halfwidths` (n, 3), `degrees` (n,) as in `NoiseGroup`, and the groups."""
+    """Noise of every ping: `factor` (n,) and `halfwidths` (n, 3) as in `NoiseGroup`, and the groups."""
 
     factor: Floats
     halfwidths: Floats
-    degrees: Floats
     groups: tuple[NoiseGroup, ...]
 
 
 def claimed_noise(pings: int) -> BeamNoise:
     """The noise that the geometry file states, Gaussian."""
-    return BeamNoise(np.ones(pings), np.tile(GAUSSIAN, (pings, 1)), np.full(pings, np.inf), ())
+    return BeamNoise(np.ones(pings), np.tile(GAUSSIAN, (pings, 1)), ())
 
 
 def measure_noise(
@@ -99,7 +98,7 @@ def measure_noise(
                 f"{group.fallback}; noise of all pings",
             )  # fmt: skip
         noise = _assign(noise, member, group)
-    return BeamNoise(noise.factor, noise.halfwidths, noise.degrees, noise.groups[1:])
+    return BeamNoise(noise.factor, noise.halfwidths, noise.groups[1:])
 
 
 def normalised_closure(
@@ -166,6 +165,5 @@ def _assign(noise: BeamNoise, member: Flags, group: NoiseGroup) -> BeamNoise:
     return BeamNoise(
         np.where(member, group.factor, noise.factor),
         np.where(member[:, None], group.halfwidths, noise.halfwidths),
-        np.where(member, group.degrees, noise.degrees),
         (*noise.groups, group),
     )

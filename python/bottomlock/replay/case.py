@@ -26,7 +26,6 @@ from bottomlock.recordings.dvl_sections import DvlStream, WaterTrackStream
 from bottomlock.recordings.stream_sections import (
     ImuFromAttitude,
     ImuStream,
-    MagnetometerStream,
     ReferenceStream,
     SensorStreams,
     Stream,
@@ -68,7 +67,7 @@ class Start(Section):
     """time that the alignment averages over"""
     level: Literal["levelling", "attitude", "reference", "given"] = "levelling"
     """source of roll and pitch"""
-    heading: Literal["magnetometer", "gps_course", "gyrocompass", "attitude", "reference", "given"]
+    heading: Literal["gyrocompass", "attitude", "reference", "given"]
     """source of the heading"""
     roll_deg: Finite = 0.0
     """roll, for level given"""
@@ -208,7 +207,6 @@ class Case(SensorStreams):
     ]
     dvl: DvlStream
     water_track: WaterTrackStream | None = None
-    magnetometer: MagnetometerStream | None = None
     reference: ReferenceStream | None = None
     start: Start
     filter: Filter = Filter()
@@ -219,15 +217,11 @@ class Case(SensorStreams):
 
     @model_validator(mode="after")
     def _parts_agree(self) -> Self:
-        streams = {
-            "attitude": self.attitude, "magnetometer": self.magnetometer, "reference": self.reference,
-            "gps_course": self.gps, "gps": self.gps,
-        }  # fmt: skip
+        streams = {"attitude": self.attitude, "reference": self.reference, "gps": self.gps}
         for key in ("level", "heading", "position", "velocity"):
             source = getattr(self.start, key)
             if source in streams and streams[source] is None:
-                section = "gps" if source == "gps_course" else source
-                raise ValueError(f'start.{key} = "{source}" needs the section [{section}], which is missing')
+                raise ValueError(f'start.{key} = "{source}" needs the section [{source}], which is missing')
         if isinstance(self.imu, ImuFromAttitude):
             self._needs_no_readings()
         require_one_drive(self.thrust, self.effort)

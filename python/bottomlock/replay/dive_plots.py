@@ -97,15 +97,6 @@ def framed(tracks: Mapping[str, Track], reference: Track | None, first: str) -> 
     return frame_of(held)
 
 
-def holds(frame: Frame, track: Track) -> bool:
-    """Whether a map shows a whole track."""
-    north, east = track.north_m, track.east_m
-    inside = (
-        (north >= frame.south_m) & (north <= frame.north_m) & (east >= frame.west_m) & (east <= frame.east_m)
-    )
-    return bool(inside.all())
-
-
 def _extent(frame: Frame) -> float:
     return max(frame.north_m - frame.south_m, frame.east_m - frame.west_m)
 

@@ -144,7 +144,7 @@ def leave_out(
         sd_mps,
         Priors(priors.velocity_p_mps[scored], priors.cov_m2ps2[scored]),
         # The closure of a ping that loses a beam would not be known: its noise is that of the log.
-        BeamNoise(noise.factor[scored], noise.halfwidths[scored], noise.degrees[scored], noise.groups),
+        BeamNoise(noise.factor[scored], noise.halfwidths[scored], noise.groups),
     )
     everything = np.ones(pings.y.shape, dtype=bool)
     all_beams = pings.fixes(everything, "lc")

@@ -57,7 +57,6 @@ class Log:
         """Streams that are no readings."""
         named = {
             "reference": self.streams.reference,
-            "magnetometer": self.streams.magnetic_fields,
             "gps without a place on the Earth": None if self.streams.origin else self.streams.gps,
         }
         return tuple(name for name, stream in named.items() if stream is not None)

@@ -59,14 +59,12 @@ class Drawing:
         caption: below it.
         figure: itself.
         what_if: case that it is of, None for all.
-        folded: whether it has every method.
     """
 
     name: str
     caption: str
     figure: Figure
     what_if: str | None = None
-    folded: bool = False
 
 
 def page_of(
@@ -215,15 +213,9 @@ def _case(
     beams = f"{number(rows[0]['beams_mean_over_pings'])} of {manifest['beams']} beams a ping."
     blocks: list[Block] = [
         f"{words[:1].upper()}{words[1:]}. {beams}",
-        *(picture for one, picture in of_case if not one.folded and one.name != first_map),
+        *(picture for one, picture in of_case if one.name != first_map),
     ]
-    blocks += [
-        _results_of(rows, tracks_of),
-        _detail_of(rows, tracks_of),
-    ]
-    folded = [picture for one, picture in of_case if one.folded]
-    if folded:
-        blocks.append(Detail(f"The figures with all {len(manifest['methods'])} methods", folded))
+    blocks += [_results_of(rows, tracks_of), _detail_of(rows, tracks_of)]
     label = " (semi-synthetic)" if manifest["semi_synthetic"] else ""
     return Part(what_if, f"{title_of(what_if)}{label}", blocks)
 

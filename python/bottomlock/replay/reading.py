@@ -22,7 +22,6 @@ from bottomlock.recordings.rotation import permute_axes
 from bottomlock.recordings.stream_sections import (
     ImuFromAttitude,
     ImuStream,
-    MagnetometerStream,
     PositionStream,
     ReferenceStream,
     SensorStream,
@@ -32,7 +31,6 @@ from bottomlock.recordings.streams import (
     Flags,
     Floats,
     Inertial,
-    MagneticFields,
     Positions,
     ReferenceStates,
     Times,
@@ -109,7 +107,6 @@ def read_streams(case: Case) -> Streams:
         beams=beams,
         instrument=instrument,
         aiding=aiding,
-        magnetic_fields=None if case.magnetometer is None else _fields(case.magnetometer, clocks),
         reference=reference,
         origin=origin,
         latitude_rad=float(latitude),
@@ -247,15 +244,6 @@ def _noise(
             expected=f"more than 0: dvl.{key} needs it of every valid beam",
         )
     return np.asarray(np.where(sd > 0.0, sd, LOST_SD_MPS))
-
-
-def _fields(stream: MagnetometerStream, clocks: dict[str, ClockReport]) -> MagneticFields:
-    values, timed, _ = read_stream(stream, stream.field)
-    clocks["magnetometer"] = timed.report
-    return MagneticFields(
-        timed.time_ns,
-        to_platform_axes(values - np.array(stream.hard_iron), stream.axes, stream.mounting_rpy_rad),
-    )
 
 
 def _coordinates(

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure as Paper
 
 from bottomlock.errors import DataError
 from bottomlock.figures.drawing import on_paper
-from bottomlock.figures.map import scale_words, shown_frame
-from bottomlock.figures.series import Figure, Panel, Track
+from bottomlock.figures.series import Figure, Panel
 from bottomlock.files.overwriting import Files, Result, digests_of, remove_outdated
 from bottomlock.files.records import DIGESTS, read_record, read_recorded_table
 from bottomlock.files.replay_tables import FORWARD, SMOOTHED, ReplayTables
@@ -21,7 +20,7 @@ from bottomlock.pages.page import Pictures, html
 from bottomlock.pages.pieces import explained
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
-from bottomlock.replay.dive_plots import holds, map_of, plots_of
+from bottomlock.replay.dive_plots import map_of, plots_of
 from bottomlock.replay.findings.verdict import least_ratio
 from bottomlock.replay.page import TIMELINE, VALIDITY, Drawing, featured_in, page_of
 from bottomlock.replay.panels import (
@@ -172,8 +171,6 @@ def drawings(tables: ReplayTables, plots: Plots) -> list[Drawing]:
         if panels:
             caption = "Current as each method estimates it; shaded: ±1 sigma."
             found.append(Drawing(f"current_{case}", caption, stacked(panels, title), case))
-        if len(shown) < len(manifest["methods"]):
-            found += _of_methods(tables, stacked, case, manifest["methods"], title, folded=True)
     return found
 
 
@@ -183,15 +180,12 @@ def _of_methods(
     what_if: str,
     methods: list[str],
     title: str,
-    *,
-    folded: bool = False,
 ) -> list[Drawing]:
     """Map, errors of each pass and NIS of some methods in one what-if case."""
     manifest, own, found = tables.manifest, tables.of(what_if), []
 
     def add(name: str, caption: str, figure: Paper) -> None:
-        end = "_all_methods" if folded else ""
-        found.append(Drawing(f"{name}_{what_if}{end}", caption, figure, what_if, folded))
+        found.append(Drawing(f"{name}_{what_if}", caption, figure, what_if))
 
     passes = [name for name in (FORWARD, SMOOTHED) if (own.samples["pass"] == name).any()]
     charted = map_of(tables, what_if, methods)
@@ -202,8 +196,6 @@ def _of_methods(
     caption += "; broad grey: the reference" if any(one.kind == "reference" for one in charted.tracks) else ""
     caption += "; dotted: smoothed" if SMOOTHED in passes else ""
     caption += f"; ellipses: 2 sigma of north and east of {' and '.join(claims)}"
-    frame = shown_frame(figure.axes[0])
-    caption += _cut_words([track for track in ways if not holds(frame, track)])
     add("map", f"{caption}{_origin_words(manifest.get('origin'))}.", figure)
     for name in passes if manifest["has_reference"] else ():
         figure = stacked(error_panels(own.samples, methods, name), f"{title}, {name}")
@@ -212,15 +204,6 @@ def _of_methods(
     caption = "NIS over its degrees of freedom: above the band the filter is overconfident."
     add("nis", caption, stacked([nis], title))
     return found
-
-
-def _cut_words(cut: Sequence[Track]) -> str:
-    """The methods that the frame cuts off, and how far from the start they go."""
-    far = []
-    for track in cut:
-        reach = np.hypot(track.north_m - track.north_m[0], track.east_m - track.east_m[0])
-        far.append(f"{track.label} (up to {scale_words(float(f'{np.nanmax(reach):.2g}'))} from the start)")
-    return f"; cut off by the frame: {', '.join(far)}" if far else ""
 
 
 def _origin_words(origin: Mapping[str, float] | None) -> str:

@@ -18,7 +18,7 @@ from bottomlock.replay.dive_plots import map_of, taken
 from bottomlock.replay.page import featured_in, results_table
 from bottomlock.replay.panels import STATES, beams_panel, nis_panel, state_panels
 from bottomlock.replay.report import least_ratio_of, read_replay, run_and_report
-from bottomlock.statistics.replay import comparison_table, summary_table
+from bottomlock.statistics.replay import summary_table
 from bottomlock.text import did_you_mean
 
 if TYPE_CHECKING:
@@ -96,30 +96,6 @@ class Replay:
             self.manifest["case"],
         )
         return notebook_table(head) + "".join(notebook_table(self._table(name)) for name in self.what_ifs)
-
-    def compare(self, other: "Replay") -> pl.DataFrame:
-        """The replay beside another of the same dive, with other methods or settings; differences are to the other.
-
-        Returns:
-            `files.replay_tables.REPLAY_COMPARISON`: a row per what-if case, method, pass and quantity that both have.
-
-        Raises:
-            DataError: for what is no replay, and for replays of different recordings.
-        """
-        if not isinstance(other, Replay):
-            raise DataError(
-                f"compare is given a {type(other).__name__}", expected="a replay, as Replay(FOLDER)"
-            )
-        ours, theirs = self.manifest["files"], other.manifest["files"]
-        # What-if cases and noise may be of other files: they are settings.
-        for section in (one for one in ours if "." not in one and one in theirs):
-            if ours[section]["sha256"] != theirs[section]["sha256"]:
-                raise DataError(
-                    f"the replays are of different recordings: {section} is {ours[section]['name']} "
-                    f"({ours[section]['sha256'][:12]}) in {self.folder} and {theirs[section]['name']} "
-                    f"({theirs[section]['sha256'][:12]}) in {other.folder}"
-                )
-        return comparison_table((self.runs, self.samples), (other.runs, other.samples))
 
     def plot_map(
         self,

@@ -16,7 +16,6 @@ from bottomlock.recordings.streams import (
     Depths,
     Floats,
     Inertial,
-    MagneticFields,
     Positions,
     ReferenceStates,
     WaterBeams,
@@ -76,7 +75,7 @@ class Streams:
         beams: pings.
         instrument: geometry and noise of the DVL.
         aiding: the streams of the sensors that aid, by their sections (`recordings.sensors`).
-        magnetic_fields, reference: the other streams, None where absent.
+        reference: what errors are computed against, None where absent.
         origin: of the tangent frame, or None where it is not known.
         latitude_rad: for gravity and the Earth's rate.
         vehicle_motion: how the velocity changes, measured where there are no inertial readings; else None.
@@ -90,7 +89,6 @@ class Streams:
     beams: Beams
     instrument: Instrument
     aiding: Mapping[str, Any]
-    magnetic_fields: MagneticFields | None
     reference: ReferenceStates | None
     origin: Place | None
     latitude_rad: float

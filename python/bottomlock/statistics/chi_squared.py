@@ -1,4 +1,4 @@
-"""The one verdict on consistency, and its chi-squared bands: false-alarm rate of a family, departure it detects."""
+"""The one verdict on consistency, and its chi-squared bands for the false-alarm rate of a family."""
 
 from collections.abc import Sequence
 
@@ -85,16 +85,3 @@ def verdict(nees: Sequence[float], runs: int, degrees: float, family: int) -> st
     if max(nees) > high:
         return OVERCONFIDENT
     return CONSERVATIVE if min(nees) < low else CONSISTENT
-
-
-def detectable_factor(degrees: int, runs: int, probability: float, power: float = 0.9) -> float:
-    """Least ratio of true to claimed variance that the upper limit of the band detects with this power.
-
-    If every error is √c times its claimed size, the sum over runs is c times chi-squared. It exceeds the upper limit
-    with probability `power` for c = limit · runs / quantile(1 − power).
-
-    >>> round(detectable_factor(6, 100, 0.95), 3)
-    1.204
-    """
-    _, high = mean_band(degrees, runs, probability)
-    return float(high * runs / chi2.ppf(1.0 - power, degrees * runs))

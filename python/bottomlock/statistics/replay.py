@@ -1,10 +1,8 @@
 """Statistics of a replay: tables in, tables out."""
 
-from collections.abc import Mapping
-
 import polars as pl
 
-from bottomlock.files.replay_tables import REPLAY_COMPARISON, REPLAY_RUNS, SIGMAS
+from bottomlock.files.replay_tables import REPLAY_RUNS, SIGMAS
 from bottomlock.statistics.rms import rms_column, root_mean
 from bottomlock.units import DEGREES_PER_RADIAN
 
@@ -156,53 +154,3 @@ def track_table(samples: pl.DataFrame) -> pl.DataFrame:
         seconds.alias("seconds"),
     )
     return table.with_columns((pl.col("way_m") / pl.col("seconds")).alias("speed_mps"))
-
-
-QUANTITIES: Mapping[str, tuple[str, str]] = {
-    "position error at the end": ("position_final_m", "m"),
-    "position error at the end by distance": ("position_final_percent", "% DT"),
-    "velocity error over time": ("velocity_rms_over_time_mps", "m/s"),
-    "attitude error over time": ("attitude_rms_over_time_deg", "deg"),
-    "NIS": ("nis_mean_over_fixes", "1"),
-    "end of the track, north": ("north_m", "m"),
-    "end of the track, east": ("east_m", "m"),
-    "end of the track, down": ("down_m", "m"),
-    "σ at the end, north": ("sd_position_north_m", "m"),
-    "σ at the end, east": ("sd_position_east_m", "m"),
-}
-"""Column of `summary_table` or `track_table` of each quantity that two replays are compared in, and its unit."""
-
-
-def comparison_table(
-    ours: tuple[pl.DataFrame, pl.DataFrame], theirs: tuple[pl.DataFrame, pl.DataFrame]
-) -> pl.DataFrame:
-    """Two replays side by side (`files.replay_tables.REPLAY_COMPARISON`), in what both have.
-
-    Args:
-        ours: `files.replay_tables.REPLAY_RUNS` and `REPLAY_SAMPLES` of one.
-        theirs: the same of the other.
-    """
-    keys = ["what_if", "method", "pass"]
-    first, second = (_compared_rows(*tables) for tables in (ours, theirs))
-    joined = first.join(second, on=[*keys, "quantity"], suffix="_other", maintain_order="left")
-    units = {name: unit for name, (_, unit) in QUANTITIES.items()}
-    return (
-        joined.drop_nulls(["value", "value_other"])
-        .with_columns(
-            pl.col("quantity").replace_strict(units, return_dtype=pl.String()).alias("unit"),
-            (pl.col("value") - pl.col("value_other")).alias("difference"),
-        )
-        .rename({"value_other": "other"})
-        .select(list(REPLAY_COMPARISON))
-    )
-
-
-def _compared_rows(runs: pl.DataFrame, samples: pl.DataFrame) -> pl.DataFrame:
-    """A row per what-if case, method, pass and quantity, in the order of the runs."""
-    keys = ["what_if", "method", "pass"]
-    wide = summary_table(runs).join(track_table(samples), on=keys, maintain_order="left")
-    named = wide.select(*keys, *(pl.col(column).alias(name) for name, (column, _) in QUANTITIES.items()))
-    long = named.with_row_index("row").unpivot(
-        on=list(QUANTITIES), index=["row", *keys], variable_name="quantity", value_name="value"
-    )
-    return long.sort("row", maintain_order=True).drop("row")

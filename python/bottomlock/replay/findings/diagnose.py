@@ -117,17 +117,18 @@ def diagnose(
 
 
 def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
-    """Pings outside of the track's time: a clock was set during the dive, or a file ends early."""
+    """Pings that aid a part of the dive alone: a DVL that begins late, a clock that was set, a file that ends early."""
     set_once = _clock_set(prepared)
-    beams = prepared.streams.beams
+    beams, inertial_ns = prepared.streams.beams, prepared.streams.inertial.time_ns
     pings_ns = beams.time_ns[beams.valid.any(axis=1)]
     # A case that states a duration asks for a part.
     if set_once or not len(pings_ns) or case.replay.duration_s is not None:
         return set_once
-    span_ns = prepared.alignment.time_ns, int(prepared.sample_time_ns[-1])
-    first_ns, last_ns = min(pings_ns[0], span_ns[0]), max(pings_ns[-1], span_ns[1])
+    first_ns, last_ns = min(pings_ns[0], inertial_ns[0]), max(pings_ns[-1], inertial_ns[-1])
+    begins_ns = max(pings_ns[0], prepared.alignment.time_ns)
+    ends_ns = min(pings_ns[-1], prepared.sample_time_ns[-1])
     before, after = (
-        (ns[1] - ns[0]) / (last_ns - first_ns) for ns in ((first_ns, span_ns[0]), (span_ns[1], last_ns))
+        float(ns) / float(last_ns - first_ns) for ns in (begins_ns - first_ns, last_ns - ends_ns)
     )
     part = before + after
     if part < UNUSED:
@@ -135,12 +136,12 @@ def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
     return [
         Finding(
             "beyond_track", "warning", part,
-            f"The track is that of a part of the dive: {100.0 * part:.0f} % of the time with pings is outside of it.",
-            f"{100.0 * before:.0f} % lie before its start, {100.0 * after:.0f} % after its end, which is "
-            "that of the IMU, or of the reference where there is one.",
-            "Check start.at_s, and which file begins late or ends early; a track without [reference] has no such end.",
+            f"The pings aid a part of the dive: {100.0 * part:.0f} % of its time is before or after them.",
+            f"{100.0 * before:.0f} % lie before the first ping of the track, {100.0 * after:.0f} % after the last; the "
+            "dive is the time of IMU and pings, the track ends with the IMU, or the reference where there is one.",
+            "Check start.at_s, and which file begins late or ends early, or cut all files to the time with pings.",
             "start.at_s",
-            size=part, unit="1", expected="streams that cover the same time",
+            size=part, unit="1", expected="pings over all of the dive",
         )
     ]  # fmt: skip
 

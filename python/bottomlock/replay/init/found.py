@@ -83,7 +83,7 @@ class Found:
     """A stream in a table.
 
     Attributes:
-        kind: "imu", "attitude", "depth", "pressure", "geodetic", "local", "velocity", "field".
+        kind: "imu", "attitude", "depth", "pressure", "geodetic", "local", "velocity".
         table: where it is.
         columns: role to column name.
         units: role to unit as the name states it, "" where it does not.
@@ -146,8 +146,8 @@ def find_streams(table: AnyTable) -> list[Found]:
 
 
 _GROUPS = (
-    names.FORCE, names.OMEGA, names.FIELD, names.VELOCITY_INCREMENT, names.ANGLE_INCREMENT, names.VELOCITY,
-    names.QUATERNION, names.NUMBERED,
+    names.FORCE, names.OMEGA, names.VELOCITY_INCREMENT, names.ANGLE_INCREMENT, names.VELOCITY, names.QUATERNION,
+    names.NUMBERED,
 )  # fmt: skip
 OFF_UNIT = 0.1
 """Median departure of the norm of four numbered columns from 1, from which they are no quaternion."""
@@ -220,9 +220,6 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
         found.append(("depth", {"depth": depth}, {}))
     elif "pressure" in single and depth is None:
         found.append(("pressure", {"pressure": single["pressure"]}, {}))
-    field_ = groups[names.FIELD]
-    if field_:
-        found.append(("field", {f"m{k}": field_[k] for k in range(3)}, {}))
     return found
 
 

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-FORCE, OMEGA, FIELD = "force", "omega", "field"
+FORCE, OMEGA = "force", "omega"
 VELOCITY_INCREMENT, ANGLE_INCREMENT = "velocity increment", "angle increment"
 VELOCITY = "velocity"
 QUATERNION, NUMBERED = "quaternion", "numbered quaternion"
@@ -13,7 +13,6 @@ the last."""
 _BASES = {
     FORCE: "acc accel accelerometer acceleration linearacceleration specificforce force f a",
     OMEGA: "gyr gyro gyroscope omega angularrate angularvelocity w g",
-    FIELD: "mag magneticfield m",
     VELOCITY_INCREMENT: "dvel deltav deltavelocity",
     ANGLE_INCREMENT: "dtheta deltatheta deltaangle",
     VELOCITY: "v vel velocity dvl linearvelocity twistlinear instrument velocityinst",

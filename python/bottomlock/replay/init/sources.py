@@ -73,7 +73,6 @@ READERS: dict[str, Callable[[Any], _Row]] = {
     "sensor_msgs/msg/Imu": _imu,
     "sensor_msgs/msg/NavSatFix": _fix,
     "sensor_msgs/msg/FluidPressure": lambda m: {"pressure_pa": float(m.fluid_pressure)},
-    "sensor_msgs/msg/MagneticField": lambda m: _vector(m.magnetic_field, ("mag_x", "mag_y", "mag_z")),
     "nav_msgs/msg/Odometry": lambda m: _posed(m, m.pose.pose),
     "geometry_msgs/msg/PoseStamped": lambda m: _posed(m, m.pose),
     "geometry_msgs/msg/PoseWithCovarianceStamped": lambda m: _posed(m, m.pose.pose),

@@ -63,18 +63,13 @@ class Innovations:
         self.covariance = np.where(np.isnan(covariance), np.eye(width), covariance)
         self.whitening = np.linalg.inv(np.linalg.cholesky(self.covariance))
         rows = columns["rows"][kept]
-        nis = (self.white**2).sum(axis=1)
+        nis = ((self.whitening @ self.residual[..., None])[..., 0] ** 2).sum(axis=1)
         # Beyond the bound that good innovations exceed once in 1/TAIL its tangent in the root of the NIS.
         bound = chi2.isf(TAIL, np.arange(width + 1))[rows]
         loss = np.where(nis <= bound, nis, 2.0 * np.sqrt(bound * np.maximum(nis, bound)) - bound)
         log_det = -2.0 * np.log(np.diagonal(self.whitening, axis1=1, axis2=2)).sum(axis=1)
         scores = {"nis": nis, "value": 0.5 * (loss + rows * np.log(2.0 * np.pi) + log_det)}
         self.table = pl.DataFrame({name: column[kept] for name, column in columns.items()} | scores)
-
-    @property
-    def white(self) -> Floats:
-        """(n, k) whitened innovations."""
-        return np.asarray((self.whitening @ self.residual[..., None])[..., 0])
 
     def information(self, beside: Sequence["Innovations"]) -> Floats:
         """(n, P, P) Fisher information of each, by those a `STEP` away in each of P parameters."""

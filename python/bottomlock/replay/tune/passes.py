@@ -30,12 +30,6 @@ PHASES = 3
 """Passes with outages; each has them a part of a cycle later than the one before."""
 OUTAGES = 4
 """Fewest outages of a horizon in a pass; with fewer the horizon is left out."""
-LEFT_OUT = "beam left out"
-"""Name of the predictions of a beam that is lost while the others are used."""
-LOST_S = 60.0
-"""Time for which a beam is left out."""
-EACH_S = 10.0
-"""Time between two predictions of it."""
 OUTLIER_GATE = 0.99999
 """Probability with which a good ping passes the tests that leave beams out of the comparison."""
 LOOSE = 30.0
@@ -48,7 +42,6 @@ class Pass:
 
     log: Mapping[str, Any]
     horizon_s: Floats | None = None
-    name: str = "beams"
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,18 +125,16 @@ class Recording:
             return []
         scored = {key: column[found["beams"]["withheld"]] for key, column in found["beams"].items()}
         at = np.searchsorted(one.log["dvl_time_ns"][one.log["dvl_withheld"]], scored["time_ns"])
-        return [{"sensor": one.name, "horizon_s": one.horizon_s[at]} | scored]
+        return [{"sensor": "beams", "horizon_s": one.horizon_s[at]} | scored]
 
     def passes(self, horizons_s: Sequence[float]) -> list[Pass]:
-        """The pass with all measurements, those with outages as long as the longest horizon, one without single beams.
+        """The pass with all measurements, and those with outages as long as the longest horizon.
 
         Without a horizon there is the first alone.
         """
         found = [Pass(self.log(self.valid))]
         if horizons_s:
             found += [self._with_outages(horizons_s, phase / PHASES) for phase in range(PHASES)]
-            if self.valid.shape[1] >= 3:
-                found.append(self._beams_left_out())
         return found
 
     def _with_outages(self, horizons_s: Sequence[float], phase: float) -> Pass:
@@ -161,19 +152,6 @@ class Recording:
         used = self.valid & ~((into_s < horizons_s[-1]) | (horizon > 0.0))[:, None]
         return self._pass(used, self.valid & (horizon > 0.0)[:, None], horizon)
 
-    def _beams_left_out(self) -> Pass:
-        """The pass in which one beam after the other is lost for a minute, and predicted now and then."""
-        cycle, into_s = np.divmod(self._since_s(), LOST_S + RECOVERY_S)
-        beams = self.valid.shape[1]
-        is_turn = np.arange(beams) == (cycle % beams)[:, None]
-        lost = self.valid & is_turn & (into_s < LOST_S)[:, None]
-        # The last ping of each span with the lost beam.
-        known = np.flatnonzero(lost.any(axis=1))
-        span = cycle[known] * (LOST_S + RECOVERY_S) + into_s[known] // EACH_S
-        is_last = np.append(span[1:] != span[:-1], True) if known.size else np.zeros(0, dtype=bool)
-        predicted = np.isin(np.arange(len(lost)), known[is_last])
-        return self._pass(self.valid & ~lost, lost & predicted[:, None], np.full(len(lost), LOST_S), LEFT_OUT)
-
     def _since_s(self) -> Floats:
         """(E,) times of the pings after the start."""
         prepared = self.prepared
@@ -181,7 +159,7 @@ class Recording:
             (prepared.streams.beams.time_ns[prepared.pings] - prepared.alignment.time_ns) * 1e-9
         )
 
-    def _pass(self, used: Flags, scored: Flags, horizon_s: Floats, name: str = "beams") -> Pass:
+    def _pass(self, used: Flags, scored: Flags, horizon_s: Floats) -> Pass:
         """A pass with the beams (E, B) that are used, and those that are predicted a nanosecond after them."""
         log, is_used = self.log(used), np.any(used, axis=1)
         rows = np.sort(np.concatenate([np.flatnonzero(is_used), np.flatnonzero(scored.any(axis=1))]))
@@ -196,7 +174,7 @@ class Recording:
             "beam_sd_mps": log["beam_sd_mps"][rows],
             "dvl_withheld": withheld,
         }
-        return Pass(log | pinged, horizon_s[rows[withheld]], name)
+        return Pass(log | pinged, horizon_s[rows[withheld]])
 
 
 def horizons_of(duration_s: float) -> tuple[float, ...]:

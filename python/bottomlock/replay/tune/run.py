@@ -90,7 +90,6 @@ class Tuned:
         outliers: beams left out of the comparison, and all of them.
         terms: what the rest of the recording says, by values (old or new), sensor and horizon_s: count, error_over_sd,
             and score, the mean negative log-likelihood of a row. Nothing of values with which the filter failed.
-        autocorrelation: of neighbouring whitened innovations of the beams there, with old and new values; 0 if white.
         gain, gain_sd: of the composite log-likelihood there.
         has_settled: whether the search came to its end.
         passes, wall_s: what it took.
@@ -101,7 +100,6 @@ class Tuned:
     fraction: float
     outliers: tuple[int, int]
     terms: list[dict[str, Any]]
-    autocorrelation: dict[str, float]
     gain: float
     gain_sd: float
     has_settled: bool
@@ -189,7 +187,6 @@ def tune_case(
         fraction=fraction,
         outliers=(int((valid & ~recording.valid).sum()), int(valid.sum())),
         terms=[{"values": name} | term for name, one in both.items() for term in terms_of(one)],
-        autocorrelation={name: autocorrelation(one) for name, one in both.items()},
         gain=gain,
         gain_sd=gain_sd,
         has_settled=has_settled,
@@ -232,15 +229,6 @@ def terms_of(innovations: Innovations | None) -> list[dict[str, Any]]:
     value, nis = (pl.col(name).sum() / pl.col("rows").sum() for name in ("value", "nis"))
     terms = innovations.table.group_by(TERM).agg(count=pl.len(), error_over_sd=nis.sqrt(), score=value)
     return terms.sort(TERM).to_dicts()
-
-
-def autocorrelation(innovations: Innovations | None) -> float:
-    """Correlation of neighbouring whitened innovations of the beams, one step ahead; NaN without any."""
-    if innovations is None:
-        return np.nan
-    is_step = (pl.col("sensor") == "beams") & (pl.col("horizon_s") == 0.0)
-    white = innovations.white[innovations.table.select(is_step).to_series().to_numpy()]
-    return float((white[1:] * white[:-1]).sum() / (white**2).sum()) if len(white) > 2 else np.nan
 
 
 def gain_of(
