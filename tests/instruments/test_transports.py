@@ -1,13 +1,10 @@
 """What a simulated instrument sends through sockets and terminals arrives, byte for byte."""
 
 import asyncio
-import contextlib
-import os
 import socket
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -117,36 +114,6 @@ def test_udp_sends_a_record_a_datagram(readings: Readings) -> None:
         for one in sent:
             if one.data:
                 assert line.recv(65_536) == one.data
-
-
-def test_pty_brings_the_same_bytes_and_leaves_no_link(tmp_path: Path, readings: Readings) -> None:
-    """Binary records, so that a terminal that changes a byte is seen."""
-    sent = sent_of(readings, name="pd0")
-    whole, link = b"".join(one.data for one in sent), tmp_path / "dvl"
-    got = bytearray()
-
-    def read(device: int) -> None:
-        with contextlib.suppress(OSError):  # the terminal was closed
-            while len(got) < len(whole):
-                got.extend(os.read(device, 4096))
-
-    readers: list[threading.Thread] = []
-
-    def opened() -> None:
-        device = os.open(link, os.O_RDONLY | os.O_NOCTTY)
-        readers.append(threading.Thread(target=read, args=(device,), daemon=True))
-        readers[0].start()
-
-    run(sink_of(parse_address(f"pty:{link}", "--dvl")), sent, opened)
-    readers[0].join(10)
-    assert bytes(got) == whole
-    assert not link.is_symlink()
-
-
-def test_a_terminal_that_nobody_reads_holds_nothing_up(readings: Readings) -> None:
-    """Bytes of a full line are lost, once after a short wait, then at once."""
-    sent = sent_of(readings) * 4
-    run(sink_of(parse_address("pty", "--dvl")), sent, lambda: None)
 
 
 def test_a_client_that_does_not_read_holds_nobody_up() -> None:

@@ -9,7 +9,9 @@ import pytest
 from bottomlock.encoders import framing
 from bottomlock.errors import DataError
 from bottomlock.io import nortek_ad2cp, nortek_dvl, nucleus, pd0, wayfinder
-from bottomlock.io.nortek_frames import RECORDS, frames
+from bottomlock.io.account import Account
+from bottomlock.io.binary_records import Binary
+from bottomlock.io.nortek_frames import FRAMING
 from bottomlock.io.rows import Options
 from tools import reader_seeds as seeds
 
@@ -177,12 +179,14 @@ def test_a_record_within_a_record_is_its_data() -> None:
     """Bytes of a whole record are not searched again: a text that quotes a record is no ping."""
     inner = framing.nortek_frame(0x1B, seeds.df21(1))
     log = framing.nortek_frame(0xA0, inner, 0x10) + framing.nortek_frame(0x1B, seeds.df21(2))
-    found = RECORDS.of(log)
-    assert frames(found).kind.tolist() == [0xA0, 0x1B]
-    assert (found.account.read, found.account.lost) == (2, 0)
+    account = Account(unit="byte")
+    found = Binary(FRAMING).records(log, account, last=True)
+    assert [record[2] for _, record in found] == [0xA0, 0x1B]
+    assert (account.read, account.lost) == (2, 0)
     # Where the outer record is damaged, the inner one is found.
     damaged = log[:8] + bytes([log[8] ^ 1]) + log[9:]
-    assert RECORDS.of(damaged).start.tolist() == [10, len(inner) + 10]
+    found = Binary(FRAMING).records(damaged, account, last=True)
+    assert [start for start, _ in found] == [10, len(inner) + 10]
 
 
 def summed(data: bytes) -> bytes:
@@ -196,7 +200,7 @@ def test_what_a_record_states_ends_with_it() -> None:
     body[10:12] = (len(body) + 6 + 2 * 3 + 59 + 65).to_bytes(2, "little")
     recording = pd0.FORMAT.read(summed(bytes(body)) + seeds.pd0_ensemble(2), "log")
     assert (recording.table.rows, recording.account.lost) == (1, 1)
-    assert not len(RECORDS.of(b"\xa5\x0c" + bytes(9)).start)
+    assert not FRAMING.of(b"\xa5\x0c" + bytes(9))
     whole = seeds.wayfinder()
     content = summed(whole[9:40])
     short = summed(whole[:3] + (len(content) + 11).to_bytes(2, "little") + whole[5:9] + content)

@@ -38,7 +38,7 @@ JOBS = {
         ),
         "simulate-dvl": (
             "simulate_dvl",
-            "Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.",
+            "Simulate a DVL that sends a maker's bytes over TCP, UDP, a serial line or a file.",
         ),
     },
     "Simulation": {

@@ -38,7 +38,7 @@ def simulate_dvl(
     dvl: Annotated[
         str,
         Parameter(
-            help="Where the DVL sends: tcpin:HOST:PORT (listens), udpout:HOST:PORT (sends), pty:LINK, "
+            help="Where the DVL sends: tcpin:HOST:PORT (listens), udpout:HOST:PORT (sends), "
             "serial:DEVICE:BAUD, file:PATH."
         ),
     ] = "tcpin:16171",
@@ -57,7 +57,7 @@ def simulate_dvl(
     wait: Annotated[bool, Parameter(negative="--no-wait")] = True,
     force: Force = False,
 ) -> None:
-    """Simulate a DVL that sends a maker's bytes over TCP, UDP, a terminal or a file.
+    """Simulate a DVL that sends a maker's bytes over TCP, UDP, a serial line or a file.
 
     IMU and depth sensor send lines beside it, on the same clock.
 

@@ -20,7 +20,6 @@ from bottomlock.files.records import sha256_of
 from bottomlock.geodesy import Place
 from bottomlock.io.columns import frame_of
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.raw_log import Entry
 from bottomlock.live.replay import Replayed, replay_log
 from bottomlock.ports.estimate import Estimate
 from bottomlock.recordings.axes import from_quaternions, to_angles
@@ -61,12 +60,11 @@ def export_live(
         "log": sha256_of(log),
         "configuration": hashlib.sha256(config.model_dump_json().encode()).hexdigest(),
     }
-    collected = _Collected(config)
-    entry = collected.entry if "mcap" in formats else None
+    collected = _Collected()
     replayed: list[Replayed] = []
 
     def make() -> Export:
-        replayed.append(replay_log(config, log, estimates=collected.estimate, bytes_of=entry))
+        replayed.append(replay_log(config, log, estimates=collected.estimate))
         if not collected.estimates:
             state = replayed[0].state
             raise DataError("gives no estimate to export", place=log, hint=f"its last state is {state}")
@@ -81,10 +79,8 @@ def export_live(
 class _Collected:
     """What a replay passes on."""
 
-    config: LiveConfig
     estimates: list[Estimate] = field(default_factory=list)
     pings: list[tuple[int, Ping]] = field(default_factory=list)
-    bytes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     def estimate(self, estimate: Estimate) -> None:
         """Takes an estimate, and its ping where that is a new one."""
@@ -92,31 +88,6 @@ class _Collected:
         if beams is not None and (not self.pings or self.pings[-1][1] is not beams):
             self.pings.append((estimate.time_ns, beams))
         self.estimates.append(estimate)
-
-    def entry(self, entry: Entry) -> None:
-        """Takes bytes that came or were sent: as text where they are that, otherwise as hexadecimal digits."""
-        if entry.kind in {"connected", "paused"}:
-            return
-        if entry.kind == "in":
-            topic = f"in/{self.config.source[entry.place].name}"
-        else:
-            ports = self.config.port
-            # A log may have been written with more ports than it is played with.
-            topic = "/".join(
-                ["out", str(entry.place), *(one.port for one in ports[entry.place : entry.place + 1])]
-            )
-        text = entry.data.rstrip(b"\r\n").decode("ascii", "replace")
-        is_text = (
-            text.replace("\t", " ").replace("\r\n", " ").isprintable()
-            and "\N{REPLACEMENT CHARACTER}" not in text
-        )
-        row = {
-            "time_ns": entry.time_ns,
-            "bytes": len(entry.data),
-            "text": text if is_text else None,
-            "hex": None if is_text else entry.data.hex(" "),
-        }
-        self.bytes.setdefault(topic, []).append(row)
 
 
 def _export(
@@ -148,12 +119,8 @@ def _export(
         origin=origin,
         attitude=attitude,
     )
-    schema = {"time_ns": pl.Int64, "bytes": pl.Int64, "text": pl.String, "hex": pl.String}
-    arrivals = [
-        ("Arrival", topic, pl.DataFrame(rows, schema=schema)) for topic, rows in collected.bytes.items()
-    ]
     pings = {NAME: _pings(collected.pings)} if collected.pings else {}
-    return Export(config.name, [track], pings, arrivals)
+    return Export(config.name, [track], pings)
 
 
 def _velocities(estimates: Sequence[Estimate]) -> dict[str, Any]:

@@ -1,21 +1,18 @@
 """An output directory while a command writes to it: locked for all others."""
 
-import json
 import os
-import socket
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from bottomlock.errors import OutputError, note
 from bottomlock.files.atomic_write import make_folder
 
 LOCK = ".lock"
-"""The file in an output directory that says which process holds it; it goes when the process ends in order."""
+"""The file in an output directory that is locked while a process holds it; it goes when the process ends in order."""
 
 _HELD: dict[Path, int] = {}
 """Directories that this process holds, and the thread that does."""
@@ -46,11 +43,11 @@ def _is_leftover(path: Path) -> bool:
 def locked(out: Path) -> Iterator[None]:
     """Makes and holds a directory; a second process, or thread, that wants it gets an error at once.
 
-    The lock of a process that has ended is taken over, with a note. Held twice by one thread it is one lock. On
-    leaving, a directory that was made here and is still empty goes again.
+    The operating system lets go of the lock when a process ends. Held twice by one thread it is one lock. On leaving,
+    a directory that was made here and is still empty goes again.
 
     Raises:
-        OutputError: for a directory that another process holds, naming it, or that cannot be made.
+        OutputError: for a directory that another process holds, or that cannot be made.
     """
     place = out.resolve()
     if _HELD.get(place) == threading.get_ident():
@@ -61,8 +58,7 @@ def locked(out: Path) -> Iterator[None]:
     except OSError as error:
         raise OutputError(f"cannot be written ({error.strerror or error})", place=out) from error
     try:
-        with _lock_file(out) as file:
-            _take(out, file)
+        with _lock_file(out):
             _HELD[place] = threading.get_ident()
             try:
                 yield
@@ -78,27 +74,26 @@ def locked(out: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _lock_file(out: Path) -> Iterator[IO[str]]:
-    """The lock file, open and locked by the operating system, which lets go of it when the process ends."""
+def _lock_file(out: Path) -> Iterator[None]:
+    """Within it the lock file is open and locked."""
     path = out / LOCK
     while True:
         try:
-            # Not through a link, since the file is emptied.
+            # Not through a link: another process would remove it.
             flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
             file = os.fdopen(os.open(path, flags, 0o666), "r+", encoding="utf-8")
         except OSError as error:
             raise OutputError(f"cannot be written ({error.strerror or error})", place=out) from error
         with file:
             if not _lock(file, out):
-                file.seek(0)
                 raise OutputError(
-                    f"is in use by {_words(_holder(file))}",
+                    "is in use by another process",
                     place=out,
                     hint="wait until it ends, or choose another directory",
                 )
             # Whoever held it before may have removed the file between our opening and locking it.
             if _is_same(path, file):
-                yield file
+                yield
                 return
 
 
@@ -125,41 +120,3 @@ def _is_same(path: Path, file: IO[str]) -> bool:
         return path.stat().st_ino == os.fstat(file.fileno()).st_ino
     except FileNotFoundError:
         return False
-
-
-def _take(out: Path, file: IO[str]) -> None:
-    """Writes who holds the directory, after one who ended without letting go."""
-    file.seek(0)
-    before = _holder(file)
-    if before and before.get("host") not in {None, socket.gethostname()}:
-        # Locks of one host are not always seen by another.
-        raise OutputError(
-            f"is in use by {_words(before)}",
-            place=out,
-            hint=f"if that process has ended, remove {out / LOCK}",
-        )
-    if before:
-        note(f"{out}: was left by {_words(before)}, which has ended; taken over")
-    holder = {
-        "host": socket.gethostname(),
-        "pid": os.getpid(),
-        "since": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    file.truncate(0)
-    file.write(json.dumps(holder))
-    file.flush()
-
-
-def _holder(file: IO[str]) -> dict[str, Any]:
-    """Who wrote the lock; empty where nobody did, or its writing was cut."""
-    try:
-        content = json.loads(file.read())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return content if isinstance(content, dict) else {}
-
-
-def _words(holder: dict[str, Any]) -> str:
-    if not holder:
-        return "another process"
-    return f"process {holder.get('pid')} on {holder.get('host')} since {holder.get('since')}"

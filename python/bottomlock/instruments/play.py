@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bottomlock.errors import OutputError
-from bottomlock.instruments.pty import Pty
 from bottomlock.instruments.schedule import Record
 from bottomlock.live.device import NOT_OPENED, POLL_S, Device, no_answer
 from bottomlock.live.loop import words_of
@@ -16,7 +15,7 @@ from bottomlock.ports.address import Address, Kind, forms
 from bottomlock.ports.address import parse_address as parse
 from bottomlock.ports.port import Answers
 
-KINDS: tuple[Kind, ...] = ("tcpin", "udpout", "pty", "serial", "file")
+KINDS: tuple[Kind, ...] = ("tcpin", "udpout", "serial", "file")
 EXPECTED = forms(KINDS)
 
 
@@ -47,9 +46,8 @@ def sink_of(address: Address, answers: Callable[[], Answers] | None = None, *, f
         answers: makes what answers the commands of a client; None for an instrument that takes none.
         force: overwrite a file.
     """
-    opens = Pty if address.kind == "pty" else open_sink
     mode = "wb" if force else "xb"
-    return opens(address, lambda _: None, answers=answers or (lambda: no_answer), whole=True, mode=mode)
+    return open_sink(address, lambda _: None, answers=answers or (lambda: no_answer), whole=True, mode=mode)
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ async def play(
             await channel.send(record, most_bytes)
             sent(channel, record)
         for channel in channels:
-            await channel.sink.finish()
+            await channel.sink.drained()
     finally:
         for task in running.values():
             task.cancel()

@@ -76,10 +76,6 @@ class Account:
         """The same of records that are kept with a change."""
         _count_where(self.flagged, reason, chosen, position, detail)
 
-    def pass_by_where(self, kind: str, chosen: Flags, position: Integers) -> None:
-        """The same of well-formed records without a ping."""
-        _count_where(self.other, kind, chosen, position, lambda _: "")
-
     @property
     def lost(self) -> int:
         """Number of skipped records."""

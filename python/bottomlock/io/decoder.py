@@ -2,33 +2,53 @@
 
 A decoder is given bytes in any pieces, and its rows depend on the bytes alone, not on how they were cut
 (`tests/io/test_framing.py`). A file is fed whole and its rows become columns; a stream gives each ping once it is
-whole. Formats of binary records read a whole file as arrays, and a stream by the same reader, record by record.
+whole.
 """
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import BLOCK, Found, Records, blocks
-from bottomlock.io.framing import Binary, Framer, Lines
+from bottomlock.io.binary_records import BLOCK, Binary, Framing, blocks
+from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
     NAN,
     PLAIN,
     Options,
-    RecordOptions,
     make_table,
     make_water,
     raise_if_empty,
     whole_times,
 )
-from bottomlock.io.sentences import LONGEST_LINE, without_numbers, xor_of
+from bottomlock.io.sentences import LONGEST_LINE, xor_of
+
+
+@dataclass(kw_only=True)
+class Cells:
+    """What the water returned to a ping, by cell.
+
+    Attributes:
+        number: (n,) from 1 on.
+        range_m: (n,) along the beam, to the middle of the cell.
+        velocity: (n, beams) m/s, as `valid`, `quality` and `sd`.
+        valid: (n, beams).
+        quality: correlation, 0 to 255; None where the records hold none.
+        sd: m/s; None where the records hold none.
+    """
+
+    number: ArrayLike
+    range_m: ArrayLike
+    velocity: ArrayLike
+    valid: ArrayLike
+    quality: ArrayLike | None = None
+    sd: ArrayLike | None = None
 
 
 @dataclass(kw_only=True)
@@ -52,6 +72,9 @@ class Row:
         water_m: range of the layer of the water whose velocities these are, with nothing of the bottom; None for a ping
             of the bottom.
         there: beams, from 1, whose records have come, of formats with a record a beam.
+        cells: of the water; None without.
+        alone: the record is of the water alone, and no ping.
+        group: by what a decoder tells its records apart.
     """
 
     position: int
@@ -69,6 +92,9 @@ class Row:
     sent_ns: int | None = None
     water_m: float | None = None
     there: set[int] = field(default_factory=set)
+    cells: Cells | None = None
+    alone: bool = False
+    group: int = 0
 
     @property
     def beams(self) -> int:
@@ -120,6 +146,9 @@ class Decoder:
         """Takes bytes."""
         raise NotImplementedError
 
+    def close(self) -> None:
+        """Takes the end of a file."""
+
     def flush(self) -> None:
         """Ends a ping of which no more lines have come for a while."""
 
@@ -143,7 +172,7 @@ class Decoder:
     def _made(self, rows: Sequence[Row], beams: int) -> tuple[BeamTable, WaterTable | None]:
         """The tables of rows: of the pings, and of their water."""
         account, negate = self.account, self.options.negate_beams
-        table = table_of(rows, beams, account, negate=negate)
+        table = table_of([row for row in rows if not row.alone], beams, account, negate=negate)
         return table, water_of(rows, beams, account, negate=negate)
 
     def recording(self) -> Recording:
@@ -185,6 +214,10 @@ class LineDecoder(Decoder):
                 self.lost()
             else:
                 self.line(position, line)
+
+    def close(self) -> None:
+        """Ends the last line."""
+        self.feed(b"\n")
 
     def line(self, position: int, line: bytes) -> None:
         """Takes a line that is not empty, without blanks around it, with its number from 1."""
@@ -322,64 +355,31 @@ class MessageDecoder(Decoder):
         raise NotImplementedError
 
 
-Read = Callable[[Found, str, Options], Recording]
-
-
-_FIRST = np.zeros(1, dtype=np.int64)
-
-
-@dataclass
 class RecordDecoder(Decoder):
-    """Binary records, each read as a file of one.
+    """Binary records."""
 
-    Attributes:
-        records: how the bytes are cut.
-        read: reads whole records.
-        kinds: the third byte of the records with pings or water; empty where all have them.
-    """
-
-    unit = "record"
-    records: Records = field(kw_only=True)
-    read: Read = field(kw_only=True)
-    kinds: Sequence[int] = ()
+    unit = "byte"
+    framing: ClassVar[Framing]
+    """How the bytes are cut."""
 
     def __post_init__(self) -> None:
         """Begins."""
         super().__post_init__()
-        self.framer = self._binary = Binary(self.records)
-        self._options = RecordOptions(**asdict(self.options))
-        self._taken: list[Taken] = []
+        self.framer = self._binary = Binary(self.framing)
 
     def feed(self, data: bytes) -> None:
         """Takes bytes."""
-        records = self._binary.feed(data)
-        if damaged := self._binary.damaged:
-            self._binary.damaged = 0
-            self.account.read += damaged
-            self.account.skip("bad checksum", self.account.read, count=damaged)
-        for record in records:
-            self.account.read += 1
-            if self.kinds and record[2] not in self.kinds:
-                self.account.pass_by("another kind of record", self.account.read)
-                continue
-            try:
-                one = Found(record, _FIRST, np.array([len(record)]), Account(unit="byte"))
-                found = self.read(one, self.place, self._options)
-            except DataError as error:
-                self.account.skip(self._reason(error), self.account.read)
-            else:
-                self._taken.append(Taken(found.table, found.frame, found.water))
+        for position, record in self._binary.records(data, self.account):
+            self.record(position, record)
 
-    def take(self) -> list[Taken]:
-        """What has become whole since the last call."""
-        found, self._taken = self._taken, []
-        return found
+    def close(self) -> None:
+        """Counts what has begun as cut off."""
+        for position, record in self._binary.records(b"", self.account, last=True):
+            self.record(position, record)
 
-    def _reason(self, error: DataError) -> str:
-        """Why a record gave no ping, without what differs from record to record."""
-        text = str(error).removeprefix(f"{self.place}: ")
-        skipped = re.search(r"skipped: [0-9]+ (.*?) \(first", text)
-        return skipped.group(1) if skipped else without_numbers(text)[:80]
+    def record(self, position: int, data: bytes) -> None:
+        """Takes a whole record with its place."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -391,7 +391,6 @@ class Format:
         title: of the instrument.
         sniff: whether the beginning of a file looks like it.
         decoder: makes its decoder, as `Decoder`.
-        whole: reads a file as arrays; None for the decoder.
         live: whether it comes as a stream.
         figures: whether its records can hold a figure of merit of each beam, 1 sigma.
     """
@@ -400,7 +399,6 @@ class Format:
     title: str
     sniff: Callable[[bytes], bool]
     decoder: Callable[[str, Options, int], Decoder]
-    whole: Callable[[bytes, str, Options], Recording] | None = None
     live: bool = True
     figures: bool = False
 
@@ -410,30 +408,11 @@ class Format:
         Raises:
             DataError: where no record is a ping, with what there was.
         """
-        if self.whole is not None:
-            return replace(self.whole(data, place, options), format=self.name)
         decoder = self.decoder(place, options, MOST_BEAMS)
         for at in blocks(len(data)):
             decoder.feed(data[at : at + BLOCK])
-        decoder.feed(b"\n")
+        decoder.close()
         return replace(decoder.recording(), format=self.name)
-
-
-def binary(
-    name: str,
-    title: str,
-    sniff: Callable[[bytes], bool],
-    records: Records,
-    read: Read,
-    kinds: Sequence[int] = (),
-    *,
-    figures: bool = False,
-) -> Format:
-    """A format of binary records, by their framing and the reader of whole ones; see `RecordDecoder`."""
-    decoder = partial(RecordDecoder, records=records, read=read, kinds=kinds)
-    return Format(
-        name, title, sniff, decoder, lambda data, *rest: read(records.of(data), *rest), figures=figures
-    )
 
 
 def table_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> BeamTable:
@@ -474,17 +453,36 @@ def table_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool)
 
 
 def water_of(rows: Sequence[Row], beams: int, account: Account, *, negate: bool) -> WaterTable | None:
-    """The layer of the water of each row of it, as cell 1; None without any."""
-    of_water = [row for row in rows if row.water_m is not None]
-    if not of_water:
+    """The cells of the rows that have any; None without."""
+    found = [(row, cells) for row in rows if (cells := _cells_of(row, beams)) is not None]
+    if not found:
         return None
+    count = [len(np.asarray(cells.number)) for _, cells in found]
+
+    def column(name: str) -> np.ndarray | None:
+        values = [getattr(cells, name) for _, cells in found]
+        return None if values[0] is None else np.concatenate([np.asarray(one) for one in values])
+
+    number, range_m, velocity, valid = map(column, ("number", "range_m", "velocity", "valid"))
+    assert number is not None
     return make_water(
         account,
-        [row.position for row in of_water],
-        whole_times([row.time_ns for row in of_water]),
-        np.ones(len(of_water)),
-        [row.water_m for row in of_water],  # type: ignore[arg-type]
-        np.array([row.velocity[:beams] for row in of_water]),
-        np.array([row.valid[:beams] for row in of_water]),
+        np.repeat([row.position for row, _ in found], count),
+        np.repeat(whole_times([row.time_ns for row, _ in found]), count),
+        number,
+        range_m,  # type: ignore[arg-type]
+        velocity,  # type: ignore[arg-type]
+        valid,  # type: ignore[arg-type]
+        quality=column("quality"),
+        sd=column("sd"),
         negate=negate,
+    )
+
+
+def _cells_of(row: Row, beams: int) -> Cells | None:
+    """The cells of a row; of one whose velocities are those of a layer, that as cell 1."""
+    if row.water_m is None:
+        return row.cells
+    return Cells(
+        number=[1], range_m=[row.water_m], velocity=[row.velocity[:beams]], valid=[row.valid[:beams]]
     )

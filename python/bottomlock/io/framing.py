@@ -1,15 +1,12 @@
 """A byte stream cut into whole records, however the bytes come in pieces.
 
 A framer is given bytes as they arrive and returns the records that have become whole: a text line, or a binary record
-whose checksum fits. What comes out depends on the bytes alone, not on how they were cut. The fields of a record are
-read by the decoders of `bottomlock.io`.
+whose checksum fits (`binary_records`). What comes out depends on the bytes alone, not on how they were cut. The fields
+of a record are read by the decoders of `bottomlock.io`.
 """
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from bottomlock.io.binary_records import Records
 from bottomlock.io.sentences import LONGEST_LINE
 
 _BLANKS = b"\r\n \t\x00"
@@ -78,57 +75,3 @@ class Lines(Framer):
         self.dropped += len(self._part)
         self._part.clear()
         self._dropping = self._within
-
-
-class Binary(Framer):
-    """Records with a header that states their size, and a checksum.
-
-    Every place where a header stands is followed up to the end that it states, so that neither a damaged record nor
-    bytes that look like a header hide the next whole record. Of records that overlap, the one that ends first is taken.
-
-    Args:
-        records: finds the headers in bytes, as for files.
-
-    Attributes:
-        damaged: records so far whose checksum does not fit.
-    """
-
-    def __init__(self, records: Records) -> None:
-        super().__init__()
-        self._headers, self._longest, self._mark = records.headers, records.longest, records.mark
-        self._buffer, self._until = b"", 0
-        self.damaged = 0
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """The records that `data` completes."""
-        self._buffer += data
-        size = len(self._buffer)
-        if size < self._until and self._buffer.find(self._mark, 1) < 0:
-            # Within the only record that has begun.
-            return []
-        headers = self._headers(self._buffer)
-        taken, behind = [], 0
-        spans = sorted(zip(headers.end.tolist(), headers.start.tolist(), headers.fits.tolist(), strict=True))
-        for end, start, fits in spans:
-            if fits and start >= behind:
-                self.dropped += start - behind
-                taken.append((start, end))
-                behind = end
-        begun = [(start, end) for end, start, _ in spans if end > size and start >= behind]
-        first, until = min(begun, default=(size, 0))
-        keep = max(behind, min(size - self._longest, first))
-        self._until = until - keep if first == keep else 0
-        self.dropped += keep - behind
-        found = [self._buffer[start:end] for start, end in taken]
-        if len(spans) > len(taken):
-            outside = np.ones(size + 1, dtype=bool)
-            for start, end in taken:
-                outside[start:end] = False
-            self.damaged += int((outside[headers.start] & (headers.start < keep)).sum())
-        self._buffer = self._buffer[keep:]
-        return found
-
-    def reset(self) -> None:
-        """Drops a record that has begun."""
-        self.dropped += len(self._buffer)
-        self._buffer, self._until = b"", 0

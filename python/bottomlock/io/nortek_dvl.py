@@ -7,21 +7,34 @@ same fields. The Nucleus has the same records for three beams (`nucleus`).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, BeamTable, Flags, Floats, Integers, Recording, WaterTable
-from bottomlock.io.binary_records import Found, fields_at
-from bottomlock.io.decoder import binary
+from bottomlock.io.beam_table import BeamTable, Recording
+from bottomlock.io.decoder import Cells, Decoder, Format, RecordDecoder, Row
 from bottomlock.io.nortek_ascii import NO_FOM_MPS, NO_VELOCITY_MPS, TILT_RAD
-from bottomlock.io.nortek_frames import BOTTOM_DVL, RECORDS, WATER_DVL, flags_of, frames, kinds, struct_tm_ns
-from bottomlock.io.rows import NAN, UNSURE, Options, make_table, make_water, raise_if_empty
+from bottomlock.io.nortek_frames import (
+    BOTTOM_DVL,
+    FRAMING,
+    WATER_DVL,
+    body,
+    kinds,
+    name_of,
+    struct_tm_ns,
+)
+from bottomlock.io.rows import NAN, UNSURE
 
-Records = tuple[NDArray[Any], Integers]
-"""Fields of a layout, and positions (n,)."""
+
+class _Beams(NamedTuple):
+    """Of a record, by beam: velocities, validity, ranges along it, figures of merit; and the flags of the axes."""
+
+    velocity: list[float]
+    valid: list[bool]
+    range_m: list[float]
+    sd: list[float]
+    rest: list[bool]
 
 
 @dataclass(frozen=True)
@@ -31,7 +44,7 @@ class Layout:
     Attributes:
         fields: of the data.
         bottom, water: their ids.
-        clock: times of fields, and which are in range.
+        clock: time of the fields; None for one that is out of range.
         family: of the instrument; None for any.
         tilt_rad: of the beams, where distances are vertical and marks stand for what is none; None for numbers as they
             are.
@@ -41,130 +54,129 @@ class Layout:
     fields: np.dtype[Any]
     bottom: int
     water: int
-    clock: Callable[[NDArray[Any]], tuple[Integers, Flags]]
+    clock: Callable[[np.void], int | None]
     family: int | None
     tilt_rad: float | None
     what: str
 
-    def of(self, found: Found) -> tuple[Records, Records]:
-        """The records of bottom and of water track; others are counted."""
-        data, account, every = found.data, found.account, frames(found)
-        is_bottom, is_water = every.kind == self.bottom, every.kind == self.water
-        if self.family is not None:
-            is_bottom &= every.family == self.family
-            is_water &= every.family == self.family
-        bottom = every.pings(is_bottom, account).of_layout(self.fields, account)
-        water = every.where(is_water & (every.size >= self.fields.itemsize))
-        of_bottom, of_water = (
-            (fields_at(data, one.start, self.fields), one.position) for one in (bottom, water)
-        )
-        return of_bottom, of_water
+    @property
+    def beams(self) -> int:
+        """Number of beams."""
+        return int(self.fields["velocity"].shape[0])
 
-    def tables(
-        self, bottom: Records, water: Records, account: Account, place: str, options: Options
-    ) -> tuple[BeamTable, WaterTable | None, list[str]]:
-        """The tables of records, and what is said of their signs and of the water.
-
-        Raises:
-            DataError: where there is none.
-        """
-        table = self._bottom(*bottom, account, options)
-        layer = self._layer(*water, account, options) if len(water[0]) else None
-        raise_if_empty(account, place, self.what, layer, options)
-        notes = [UNSURE, *_vertical_note(table)]
-        if layer is not None and not (layer.range_m > 0.0).all():
-            notes.append("water track without a distance is taken as that of the water at the instrument")
-        return table, layer, notes
-
-    @np.errstate(invalid="ignore")
-    def _bottom(
-        self, fields: NDArray[Any], position: Integers, account: Account, options: Options
-    ) -> BeamTable:
-        time_ns, on_clock = self.clock(fields)
-        if not on_clock.all():
-            account.skip_where("clock out of range", ~on_clock, position)
-            fields, position, time_ns = fields[on_clock], position[on_clock], time_ns[on_clock]
-        velocity, valid, along_m, fom, rest = self._beams(fields)
-        if "error" in (self.fields.names or ()):
-            error, beams = fields["error"], fields["beams"]
-            account.flag_where(
-                "instrument reports an error", error > 0, position, lambda k: f"code {error[k]:#x}"
-            )
-            other = (beams != 0) & (beams != velocity.shape[1])
-            account.flag_where(
-                "record states another number of beams", other, position, lambda k: f"{beams[k]} beams"
-            )
-        axes, known = _axes(fields["axes"], rest)
-        has_fom = rest[:, fields["axes"].shape[1] :][:, :3].all(axis=1)
-        return make_table(
-            account,
-            velocity.shape[1],
-            position,
-            time_ns,
-            velocity,
-            valid,
-            range_m=along_m,
-            sd=fom,
+    def row(self, position: int, fields: np.void) -> Row:
+        """A ping of the bottom."""
+        found = self._beams(fields)
+        axes, known = _axes(fields["axes"], found.rest)
+        of_fom = found.rest[len(fields["axes"]) :][:3]
+        return Row(
+            position=position,
+            time_ns=self.clock(fields),
+            velocity=found.velocity,
+            valid=found.valid,
+            range_m=found.range_m,
+            sd=found.sd,
             instrument=axes,
-            verdict=known,
+            verdict=int(known),
             extra={
-                "instrument_sd_mps": np.where(has_fom, fields["axes_fom"][:, :3].max(axis=1), NAN),
-                "sound_speed_mps": fields["sound"],
-                **{f"beam{k + 1}_delay_s": one for k, one in enumerate(fields["delay"].T)},
+                "instrument_sd_mps": float(fields["axes_fom"][:3].max()) if all(of_fom) else NAN,
+                "sound_speed_mps": float(fields["sound"]),
+                **{f"beam{k + 1}_delay_s": float(one) for k, one in enumerate(fields["delay"])},
             },
-            negate=options.negate_beams,
         )
 
-    @np.errstate(invalid="ignore")
-    def _layer(
-        self, fields: NDArray[Any], position: Integers, account: Account, options: Options
-    ) -> WaterTable | None:
+    def layer(self, position: int, fields: np.void) -> Row:
         """The layer of the water, as cell 1, at the mean range of the beams that have one; 0 where none has."""
-        time_ns, on_clock = self.clock(fields)
-        velocity, valid, along_m, fom, _ = self._beams(fields[on_clock])
-        known = np.isfinite(along_m)
-        return make_water(
-            account,
-            position[on_clock],
-            time_ns[on_clock],
-            np.ones(len(velocity)),
-            np.where(known, along_m, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1),
-            velocity,
-            valid,
-            sd=fom,
-            negate=options.negate_beams,
+        velocity, valid, range_m, sd, _ = self._beams(fields)
+        along = np.array(range_m)
+        known = np.isfinite(along)
+        middle = np.where(known, along, 0.0).sum() / max(known.sum(), 1)
+        cells = Cells(number=[1], range_m=[middle], velocity=[velocity], valid=[valid], sd=[sd])
+        return Row(
+            position=position, time_ns=self.clock(fields), velocity=[], valid=[], cells=cells, alone=True
         )
 
-    def _beams(self, fields: NDArray[Any]) -> tuple[Floats, Flags, Floats, Floats, Flags]:
-        """Velocities, validity, ranges along the beams and figures of merit (n, beams), and the flags of the axes."""
+    def _beams(self, fields: np.void) -> _Beams:
         velocity, distance, fom = (
             fields[name].astype(np.float64) for name in ("velocity", "distance", "fom")
         )
-        beams, axes = velocity.shape[1], fields["axes"].shape[1]
-        flags = flags_of(fields["status"], 3 * beams + 2 * axes)
-        valid, ranged, sure = (flags[:, k * beams : (k + 1) * beams] for k in range(3))
+        beams, axes, status = self.beams, len(fields["axes"]), int(fields["status"])
+        flags = np.array([bool(status >> k & 1) for k in range(3 * beams + 2 * axes)])
+        valid, ranged, sure = (flags[k * beams : (k + 1) * beams] for k in range(3))
         if self.tilt_rad is not None:
             velocity = np.where(velocity > NO_VELOCITY_MPS + 1e-3, velocity, NAN)
             valid, ranged = valid & np.isfinite(velocity), ranged & (distance > 0.0)
             distance, sure = distance / math.cos(self.tilt_rad), sure & (fom < NO_FOM_MPS)
-        return (
-            velocity,
-            valid,
-            np.where(ranged, distance, NAN),
-            np.where(sure, fom, NAN),
-            flags[:, 3 * beams :],
-        )
+        along, sd = np.where(ranged, distance, NAN), np.where(sure, fom, NAN)
+        return _Beams(*(one.tolist() for one in (velocity, valid, along, sd, flags[3 * beams :])))
 
 
-def _axes(axes: NDArray[np.float32], good: Flags) -> tuple[Floats, Flags]:
-    """The instrument's velocity (n, 3), and whether it is valid; of two vertical ones the mean, or the valid one."""
-    found = axes.astype(np.float64)
-    if axes.shape[1] == 3:
-        return found, np.asarray(good[:, :3].all(axis=1))
-    z1, z2, first, second = found[:, 2:3], found[:, 3:], good[:, 2:3], good[:, 3:4]
-    vertical = np.where(first & second, 0.5 * (z1 + z2), np.where(first, z1, z2))
-    known = good[:, 0] & good[:, 1] & (first | second)[:, 0]
-    return np.where(known[:, None], np.hstack([found[:, :2], vertical]), NAN), known
+class TrackDecoder(Decoder):
+    """Records of bottom and water track, whatever holds them."""
+
+    frame = "instrument"
+    layout: ClassVar[Layout]
+
+    @np.errstate(invalid="ignore")
+    def track(self, position: int, kind: int, fields: np.void) -> None:
+        """Takes a record of one of the two kinds."""
+        if kind == self.layout.water:
+            self.rows.append(self.layout.layer(position, fields))
+            return
+        row, account = self.layout.row(position, fields), self.account
+        if row.time_ns is None:
+            account.skip("clock out of range", position)
+            return
+        if "error" in (self.layout.fields.names or ()):
+            if error := int(fields["error"]):
+                account.flag("instrument reports an error", position, f"code {error:#x}")
+            if fields["beams"] not in {0, self.layout.beams}:
+                account.flag("record states another number of beams", position, f"{fields['beams']} beams")
+        self.rows.append(row)
+
+    def ready(self) -> list[Row]:
+        """As `Decoder.ready`; water without a time is none."""
+        return [row for row in super().ready() if row.time_ns is not None]
+
+    def finished(self) -> Recording:
+        """The tables, with what is said of their signs and of the water; DataError where no record is a ping."""
+        for row in self.rows:
+            if row.alone:
+                self.account.pass_by(name_of(self.layout.water), row.position)
+        rows = [row for row in self.rows if row.time_ns is not None]
+        found = self.tables(self.layout.what, self.layout.beams, rows)
+        notes = [UNSURE, *_vertical_note(found.table)]
+        if found.water is not None and not (found.water.range_m > 0.0).all():
+            notes.append("water track without a distance is taken as that of the water at the instrument")
+        return replace(found, notes=notes)
+
+
+class RecordTracks(TrackDecoder, RecordDecoder):
+    """The same of binary records; others are counted by their names."""
+
+    framing = FRAMING
+
+    def record(self, position: int, data: bytes) -> None:
+        """Takes a record."""
+        layout, kind, content = self.layout, data[2], body(data)
+        is_ours = kind in {layout.bottom, layout.water} and layout.family in {None, data[3]}
+        if is_ours and len(content) >= layout.fields.itemsize:
+            self.track(position, kind, np.frombuffer(content, layout.fields, 1)[0])
+        elif is_ours and kind == layout.bottom:
+            self.account.skip("bottom track of another layout", position, f"{len(content)} bytes")
+        else:
+            self.account.pass_by(name_of(kind), position)
+
+
+def _axes(axes: Any, good: list[bool]) -> tuple[list[float], bool]:  # noqa: ANN401 - an array of three or four
+    """The instrument's velocity (3), and whether it is valid; of two vertical ones the mean, or the valid one."""
+    found = axes.astype(np.float64).tolist()
+    if len(found) == 3:
+        return found, all(good[:3])
+    x, y, z1, z2 = found
+    known = good[0] and good[1] and (good[2] or good[3])
+    vertical = 0.5 * (z1 + z2) if good[2] and good[3] else z1 if good[2] else z2
+    return ([x, y, vertical] if known else [NAN] * 3), known
 
 
 def _vertical_note(table: BeamTable) -> list[str]:
@@ -194,45 +206,40 @@ _LAYOUT = Layout(
     ),
     BOTTOM_DVL,
     WATER_DVL,
-    lambda fields: struct_tm_ns(fields["clock"], fields["hundred_us"]),
+    lambda fields: struct_tm_ns(fields["clock"].tobytes(), int(fields["hundred_us"])),
     family=None,
     tilt_rad=TILT_RAD,
     what="bottom-track record (DF21, DF22)",
 )  # fmt: skip
 
 
-def _read(records: Found, place: str, options: Options) -> Recording:
-    """The bottom-track records of a stream, and its water track.
+class _Decoder(RecordTracks):
+    """Of a DVL500 or DVL1000."""
 
-    Raises:
-        DataError: where there is none.
-    """
-    table, water, notes = _LAYOUT.tables(*_LAYOUT.of(records), records.account, place, options)
-    return Recording(
-        table=table,
-        account=records.account,
-        frame="instrument",
-        clock="the instrument's, UTC if it was set so",
-        time_of="record",
-        corrected=[
-            "distance is vertical: divided by the cosine of 25 deg to lie along the beam",
-            "instrument z is the mean of z1 and z2 where both are valid",
-        ],
-        geometry="nortek_dvl1000",
-        notes=[
-            "time is that of the record; beam1_delay_s ... hold its DT1, trigger to centre of echo",
-            *notes,
-        ],
-        water=water,
-    )
+    layout = _LAYOUT
+
+    def recording(self) -> Recording:
+        """The tables, as `Decoder.recording`."""
+        found = self.finished()
+        return replace(
+            found,
+            clock="the instrument's, UTC if it was set so",
+            corrected=[
+                "distance is vertical: divided by the cosine of 25 deg to lie along the beam",
+                "instrument z is the mean of z1 and z2 where both are valid",
+            ],
+            geometry="nortek_dvl1000",
+            notes=[
+                "time is that of the record; beam1_delay_s ... hold its DT1, trigger to centre of echo",
+                *found.notes,
+            ],
+        )
 
 
-FORMAT = binary(
+FORMAT = Format(
     "nortek-dvl",
     "Nortek DVL500/1000, DF21 and DF22",
     lambda head: b"\xa5" in head and BOTTOM_DVL in kinds(head),
-    RECORDS,
-    _read,
-    (BOTTOM_DVL, WATER_DVL),
+    _Decoder,
     figures=True,
 )

@@ -6,23 +6,20 @@ The status word holds validity flags of velocity, distance and figure of merit f
 the manufacturer's driver, which reads both records alike.
 """
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bottomlock.io.beam_table import Account, Flags, Integers, Recording
-from bottomlock.io.binary_records import Found
-from bottomlock.io.decoder import binary
-from bottomlock.io.nortek_dvl import Layout, Records
-from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, RECORDS, WATER_NUCLEUS, kinds
-from bottomlock.io.rows import Options
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.decoder import Format
+from bottomlock.io.nortek_dvl import Layout, RecordTracks, TrackDecoder
+from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, kinds
 
 
-def _clock(fields: NDArray[Any]) -> tuple[Integers, Flags]:
-    """Times, and which are in range."""
-    time_us = fields["seconds"].astype(np.int64) * 1_000_000 + fields["micros"]
-    return time_us * 1000, np.asarray(fields["micros"] <= 999_999)
+def _clock(fields: np.void) -> int | None:
+    """Time, ns; None where it is out of range."""
+    micros = int(fields["micros"])
+    return (int(fields["seconds"]) * 1_000_000 + micros) * 1000 if micros <= 999_999 else None
 
 
 LAYOUT = Layout(
@@ -44,42 +41,39 @@ LAYOUT = Layout(
 )  # fmt: skip
 
 
-def _read(records: Found, place: str, options: Options) -> Recording:
-    """The bottom-track records of a stream, and its water track; DataError where there is none."""
-    return recording_of(*LAYOUT.of(records), records.account, place, options)
+class NucleusDecoder(TrackDecoder):
+    """Of a Nucleus, whatever holds its records."""
+
+    layout = LAYOUT
+    _posix = False
+
+    def track(self, position: int, kind: int, fields: np.void) -> None:
+        """Takes a record, whose flags say what its clock counts from."""
+        self._posix |= bool(kind == BOTTOM_NUCLEUS and fields["flags"] & 1)
+        super().track(position, kind, fields)
+
+    def recording(self) -> Recording:
+        """The tables, as `Decoder.recording`."""
+        found = self.finished()
+        return replace(
+            found,
+            clock="the instrument's, since 1970" if self._posix else "since the instrument's start",
+            notes=[
+                "time is that of the record; beam1_delay_s ... hold the offsets that it states",
+                "distance is kept as recorded",
+                *found.notes,
+            ],
+        )
 
 
-def recording_of(
-    bottom: Records, of_water: Records, account: Account, place: str, options: Options
-) -> Recording:
-    """What records of bottom and of water track hold.
-
-    Raises:
-        DataError: where there is none.
-    """
-    posix = bool((bottom[0]["flags"] & 1).any())
-    table, water, notes = LAYOUT.tables(bottom, of_water, account, place, options)
-    return Recording(
-        table=table,
-        account=account,
-        frame="instrument",
-        clock="the instrument's, since 1970" if posix else "since the instrument's start",
-        time_of="record",
-        notes=[
-            "time is that of the record; beam1_delay_s ... hold the offsets that it states",
-            "distance is kept as recorded",
-            *notes,
-        ],
-        water=water,
-    )
+class _Decoder(NucleusDecoder, RecordTracks):
+    """Of binary records."""
 
 
-FORMAT = binary(
+FORMAT = Format(
     "nucleus",
     "Nortek Nucleus1000, binary",
     lambda head: b"\xa5" in head and bool(kinds(head) & {0x82, 0x87, 0xAA, 0xB4, 0xBE, 0xD2, 0xDC}),
-    RECORDS,
-    _read,
-    (BOTTOM_NUCLEUS, WATER_NUCLEUS),
+    _Decoder,
     figures=True,
 )

@@ -5,14 +5,11 @@ Columns and flags are the fields of the binary records (`nucleus`); a row of ano
 Source: NortekSupport/nucleus_driver, src/nucleus_driver/_logger.py and _parser.py.
 """
 
-from typing import Any
-
 import numpy as np
 
-from bottomlock.io.beam_table import Recording
 from bottomlock.io.decoder import Format, TableDecoder
 from bottomlock.io.nortek_frames import BOTTOM_NUCLEUS, WATER_NUCLEUS, name_of
-from bottomlock.io.nucleus import LAYOUT, recording_of
+from bottomlock.io.nucleus import LAYOUT, NucleusDecoder
 from bottomlock.io.rows import NAN
 from bottomlock.io.sentences import number, whole
 
@@ -32,7 +29,7 @@ _TRIPLES = {
 _SAID = {b"True": 1, b"False": 0, b"1": 1, b"0": 0}
 
 
-class _Decoder(TableDecoder):
+class _Decoder(NucleusDecoder, TableDecoder):
     """A row a packet."""
 
     needed = (
@@ -41,16 +38,11 @@ class _Decoder(TableDecoder):
     )  # fmt: skip
     what = "a log of Nortek's driver"
 
-    def __post_init__(self) -> None:
-        """Begins."""
-        super().__post_init__()
-        self._found: dict[int, list[tuple[int, Any]]] = {BOTTOM_NUCLEUS: [], WATER_NUCLEUS: []}
-
     def record(self, position: int, fields: list[bytes], line: bytes) -> bool:
         """Takes a row; of other packets it is counted."""
         del line
         kind, *clock = map(whole, fields[:3])
-        if kind is not None and kind not in self._found:
+        if kind is not None and kind not in {BOTTOM_NUCLEUS, WATER_NUCLEUS}:
             self.account.pass_by(name_of(kind), position)
             return True
         first = 3 + len(_FLAGS) + 1
@@ -60,30 +52,15 @@ class _Decoder(TableDecoder):
             return False
         if any(one is None or not 0 <= one < 1 << 32 for one in clock):
             return False
-        row = np.zeros((), dtype=LAYOUT.fields)
+        row = np.zeros(1, dtype=LAYOUT.fields)[0]
         row["seconds"], row["micros"] = clock
         row["flags"], row["status"] = flags[0], sum(flag << k for k, flag in enumerate(flags[1:]))
         with np.errstate(over="ignore"):
             row["sound"] = values[0]
             for k, name in enumerate(_TRIPLES):
                 row[name] = values[1 + 3 * k : 4 + 3 * k]
-        self._found[kind].append((position, row))
-        if kind == WATER_NUCLEUS:
-            self.account.pass_by(name_of(kind), position)
+        self.track(position, kind, row)
         return True
-
-    def recording(self) -> Recording:
-        """The tables, as `Decoder.recording`."""
-        if not self._width:
-            self.header([])
-        bottom, water = (
-            (
-                np.array([row for _, row in rows], dtype=LAYOUT.fields),
-                np.array([at for at, _ in rows], dtype=np.int64),
-            )
-            for rows in self._found.values()
-        )
-        return recording_of(bottom, water, self.account, self.place, self.options)
 
 
 def _sniff(head: bytes) -> bool:

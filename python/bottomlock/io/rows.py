@@ -8,7 +8,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,14 +46,6 @@ class Options:
     beams_from_axes: bool = False
     ignore_checksum: bool = False
     clock: Literal["reports", "distinct"] = "reports"
-    water_alone: ClassVar[bool] = False
-    """Whether water without any ping of the bottom is accepted."""
-
-
-class RecordOptions(Options):
-    """Settings for one record of a stream, which may be of the water alone."""
-
-    water_alone: ClassVar[bool] = True
 
 
 PLAIN = Options()
@@ -113,50 +105,31 @@ def make_table(
         late_arrival = given & ~late & ((arrival <= -LATEST_NS) | (arrival >= LATEST_NS))
         account.flag_where("arrival time out of range", late_arrival, where, lambda k: f"{found[k]} ns")
         arrival[late_arrival] = NO_TIME_NS
-    per_beam, per_ping = (velocity, range_m, quality, sd), tuple((extra or {}).values())
-    numbers = [(values, beams) for values in per_beam] + [(instrument, 3)] + [(one, 1) for one in per_ping]
-    columns, finite = _finite_columns(n, numbers)
-    speed, good = columns[0], np.asarray(valid, dtype=bool).reshape(n, beams)
-    usable = good & finite
-    wrong = (good & ~finite).any(axis=1) & ~late
+    speed, good = _numbers(velocity, n, beams), np.asarray(valid, dtype=bool).reshape(n, beams)
+    usable = good & np.isfinite(speed)
+    wrong = (good & ~usable).any(axis=1) & ~late
     account.flag_where("valid beam without a finite velocity", wrong, where)
     keep = _rising(times, ~late, where, account)
     account.kept = len(keep)
-    if len(keep) < n:
-        times, usable, columns = times[keep], usable[keep], [column[keep] for column in columns]
-        arrival = None if arrival is None else arrival[keep]
-        speed = columns[0]
+    arrival = None if arrival is None else arrival[keep]
     return BeamTable(
-        time_ns=times,
-        velocity_mps=-speed if negate else speed,
-        valid=usable,
-        range_m=columns[1],
-        quality=columns[2],
-        sd_mps=columns[3],
-        instrument_mps=columns[4],
+        time_ns=times[keep],
+        velocity_mps=(-speed if negate else speed)[keep],
+        valid=usable[keep],
+        range_m=_numbers(range_m, n, beams)[keep],
+        quality=_numbers(quality, n, beams)[keep],
+        sd_mps=_numbers(sd, n, beams)[keep],
+        instrument_mps=_numbers(instrument, n, 3)[keep],
         instrument_valid=_flags(np.asarray(verdict, dtype=np.int8), keep),
         arrival_ns=None if arrival is None or (arrival == NO_TIME_NS).all() else arrival,
         stale=_flags(np.asarray(stale, dtype=bool), keep),
-        extra={name: column[:, 0] for name, column in zip(extra or {}, columns[5:], strict=True)},
+        extra={name: _numbers(values, n, 1)[keep, 0] for name, values in (extra or {}).items()},
     )
 
 
-def _finite_columns(n: int, given: list[tuple[ArrayLike | None, int]]) -> tuple[list[Floats], Flags]:
-    """Own columns (n, width) with NaN for what is not finite or not given, and where the first one is finite.
-
-    An infinity is no measurement either: the table holds finite numbers or NaN. All columns lie in one block of memory.
-    """
-    block = np.full(n * sum(width for _, width in given), np.nan)
-    columns, at = [], 0
-    for values, width in given:
-        column = block[at : at + n * width].reshape(n, width)
-        if values is not None:
-            column[...] = np.asarray(values, dtype=np.float64).reshape(n, width)
-        columns.append(column)
-        at += n * width
-    finite = np.isfinite(block)
-    block[~finite] = np.nan
-    return columns, finite[: columns[0].size].reshape(columns[0].shape)
+def _numbers(values: ArrayLike | None, n: int, width: int) -> Floats:
+    """Own numbers (n, width), NaN where none are given."""
+    return _finite(np.full((n, width), np.nan) if values is None else values).reshape(n, width)
 
 
 def _flags(values: NDArray[Any], keep: Integers) -> NDArray[Any]:
@@ -234,19 +207,15 @@ def make_water(
     kept = _sorted_cells(times, number, at, account)
     if not len(kept):
         return None
-
-    def chosen(values: Floats) -> Floats:
-        return values if len(kept) == len(at) and (np.diff(kept) == 1).all() else values[kept]
-
     none = np.full((len(kept), speed.shape[1]), np.nan)
     return WaterTable(
         time_ns=times[kept],
         cell=number[kept],
         range_m=along[kept],
-        velocity_mps=chosen(np.negative(speed, out=speed) if negate else speed),
+        velocity_mps=(-speed if negate else speed)[kept],
         valid=usable[kept],
-        quality=none if quality is None else chosen(_finite(quality)),
-        sd_mps=none if sd is None else chosen(_finite(sd)),
+        quality=none if quality is None else _finite(quality)[kept],
+        sd_mps=none if sd is None else _finite(sd)[kept],
     )
 
 
@@ -261,9 +230,6 @@ def _sorted_cells(times: Integers, number: Integers, at: Integers, account: Acco
     """Indices of the cells whose time is in range by time and number, without those that repeat another."""
     late = np.abs(times) >= LATEST_NS
     account.flag_where("water cells without a time in range", late, at)
-    step_ns, cells = np.diff(times), np.diff(number)
-    if not late.any() and ((step_ns > 0) | ((step_ns == 0) & (cells > 0))).all():
-        return np.arange(len(times))
     order = np.lexsort((number, times))
     order = order[~late[order]]
     repeats: Flags = np.zeros(len(at), dtype=bool)
@@ -313,15 +279,13 @@ def lost(account: Account) -> str:
     return f"; skipped: {', '.join(parts)}" if parts else ""
 
 
-def raise_if_empty(
-    account: Account, place: str, what: str, water: WaterTable | None = None, options: Options = PLAIN
-) -> None:
-    """Raises an error that lists what was found instead, where a file has no ping, nor water that is asked for alone.
+def raise_if_empty(account: Account, place: str, what: str) -> None:
+    """Raises an error that lists what was found instead, where a file has no ping.
 
     Raises:
         DataError: naming the file, and why each record was skipped.
     """
-    if account.kept or (options.water_alone and water is not None):
+    if account.kept:
         return
     others = ", ".join(f"{reason.count} {name}" for name, reason in in_file_order(account.other))
     found = f"; there are {others}" if others else ""

@@ -7,24 +7,15 @@ axes, as the content says; one that is none is not a number.
 Source: Teledyne Marine's Python driver (MIT), dvl/packets.py and dvl/system.py, `OutputData`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from bottomlock.errors import DataError
-from bottomlock.io.beam_table import Flags, Recording
-from bottomlock.io.binary_records import (
-    Found,
-    Headers,
-    Places,
-    Records,
-    bytes_of,
-    calendar_ns,
-    fields_at,
-    search,
-    sums_fit,
-    words_at,
-)  # fmt: skip
-from bottomlock.io.decoder import binary
-from bottomlock.io.rows import NAN, UNSURE, Options, make_table, raise_if_empty
+from bottomlock.io.beam_table import Recording
+from bottomlock.io.binary_records import Framing, calendar_ns, sum_fits, word_at
+from bottomlock.io.decoder import Format, RecordDecoder, Row
+from bottomlock.io.rows import NAN, UNSURE
 
 _MARK = bytes([0xAA, 0x10, 0x01])
 _HEAD, _APPLICATION, _DATA, _LONGEST = 5, 4, 5, 33_000
@@ -32,7 +23,7 @@ _LEAST = 87
 """Bytes of a content."""
 _FRAMES = ("beam", "instrument", "ship", "earth")
 _BEAMS = 4
-_CENTURY = np.array([2000, 0, 0, 0, 0, 0])
+_CENTURY = 2000
 _CONTENT = np.dtype(
     {
         "names": ["size", "clock", "millis", "frame", "velocity", "range", "mean", "sound"],
@@ -43,84 +34,108 @@ _CONTENT = np.dtype(
 )
 
 
-def _headers(data: bytes) -> Headers:
-    """Every mark with a length that a packet can have, and its sum tested."""
-
-    def sound(at: Places) -> Flags:
-        size = words_at(data, at + 3)
-        return (size > _HEAD + _APPLICATION + 2) & (size <= _LONGEST)
-
-    start = search(data, _MARK, _HEAD, {}, sound)
-    end = start + words_at(data, start + 3)
-    return Headers(start, end, sums_fit(data, start, end - 2), np.zeros(len(start), dtype=bool))
+def _size(data: bytes, at: int) -> int | None:
+    """Of the packet at a mark, if a packet can have it."""
+    if at + _HEAD > len(data):
+        return None
+    size = word_at(data, at + 3)
+    return size if _HEAD + _APPLICATION + 2 < size <= _LONGEST else 0
 
 
-def _sniff(head: bytes) -> bool:
-    return _MARK in head and bool(_headers(head).fits.any())
+_FRAMING = Framing(_MARK, "packet", _size, sum_fits)
 
 
-def _read(found: Found, place: str, options: Options) -> Recording:
-    """The data packets of a stream.
+class _Decoder(RecordDecoder):
+    """A data packet a ping; `group` is its coordinates."""
 
-    Raises:
-        DataError: where there is none, or none in beam coordinates and the velocity alone is not asked for.
-    """
-    data, start, end, account = found
-    is_data = bytes_of(data)[start + _HEAD + 1] == _DATA
-    account.pass_by_where("packet without data", ~is_data, start)
-    start, end = start[is_data], end[is_data]
-    content, size = start + _HEAD + _APPLICATION, end - start - _HEAD - _APPLICATION - 2
-    long = (size >= _LEAST) & sums_fit(data, content, content + size - 2)
-    account.skip_where("data of another layout", ~long, start, lambda k: f"{size[k]} bytes")
-    position, f = start[long], fields_at(data, content[long], _CONTENT)
-    time_ns, on_clock = calendar_ns(f["clock"] + _CENTURY, f["millis"].astype(np.int64) * 1_000_000)
-    account.skip_where("clock out of range", ~on_clock, position)
-    use = 0
-    if on_clock.any() and (options.instrument_only or f["frame"].all()):
-        use = int(f["frame"][on_clock][0])
-    if use and not options.instrument_only:
-        raise DataError(
-            f"{len(f)} pings in {_FRAMES[use & 3]} coordinates hold no beam velocities",
-            place=place,
-            hint="set the coordinates to Beam and record again, or convert its own velocity with --instrument-only",
+    framing = _FRAMING
+
+    @np.errstate(invalid="ignore")
+    def record(self, position: int, data: bytes) -> None:
+        """Takes a packet."""
+        if data[_HEAD + 1] != _DATA:
+            self.account.pass_by("packet without data", position)
+            return
+        content = data[_HEAD + _APPLICATION : -2]
+        if len(content) < _LEAST or not sum_fits(content):
+            self.account.skip("data of another layout", position, f"{len(content)} bytes")
+            return
+        f = np.frombuffer(content, _CONTENT, 1)[0]
+        year, *rest = f["clock"].tolist()
+        time_ns = calendar_ns([year + _CENTURY, *rest], int(f["millis"]) * 1_000_000)
+        if time_ns is None:
+            self.account.skip("clock out of range", position)
+            return
+        velocity, range_m = (f[name].astype(np.float64) for name in ("velocity", "range"))
+        row = Row(
+            position=position,
+            time_ns=time_ns,
+            velocity=velocity.tolist(),
+            valid=np.isfinite(velocity).tolist(),
+            range_m=np.where(range_m > 0.0, range_m, NAN).tolist(),
+            extra={
+                "altitude_m": float(f["mean"]) if f["mean"] > 0.0 else NAN,
+                "sound_speed_mps": float(f["sound"]),
+            },
+            group=int(f["frame"]),
         )
-    others = on_clock & (f["frame"] != use)
-    account.skip_where(f"other coordinates among {_FRAMES[use & 3]} coordinates", others, position)
-    kept = on_clock & (f["frame"] == use)
-    f, position, time_ns = f[kept], position[kept], time_ns[kept]
-    velocity, range_m = f["velocity"].astype(np.float64), f["range"].astype(np.float64)
-    beams = 0 if use else _BEAMS
-    with np.errstate(invalid="ignore"):
-        table = make_table(
-            account,
-            beams,
-            position,
-            time_ns,
-            velocity[:, :beams],
-            np.isfinite(velocity[:, :beams]),
-            range_m=None if use else np.where(range_m > 0.0, range_m, NAN),
-            instrument=velocity[:, :3] if use else None,
-            verdict=np.isfinite(velocity[:, :3]).all(axis=1) if use else -1,
-            extra={"altitude_m": np.where(f["mean"] > 0.0, f["mean"], NAN), "sound_speed_mps": f["sound"]},
-            negate=options.negate_beams,
+        self.rows.append(row)
+
+    def ready(self) -> list[Row]:
+        """As `Decoder.ready`: of a stream those in beam coordinates."""
+        return self._of(super().ready(), 0)
+
+    def _of(self, rows: list[Row], use: int) -> list[Row]:
+        """The rows in some coordinates; others are counted."""
+        for row in rows:
+            if row.group != use:
+                why = f"other coordinates among {_FRAMES[use & 3]} coordinates"
+                self.account.skip(why, row.position)
+        return [row for row in rows if row.group == use]
+
+    def recording(self) -> Recording:
+        """The table, as `Decoder.recording`.
+
+        Raises:
+            DataError: also where none is in beam coordinates and the velocity alone is not asked for.
+        """
+        use, own = 0, self.options.instrument_only
+        if self.rows and (own or all(row.group for row in self.rows)):
+            use = self.rows[0].group
+        if use and not own:
+            raise DataError(
+                f"{len(self.rows)} pings in {_FRAMES[use & 3]} coordinates hold no beam velocities",
+                place=self.place,
+                hint="set the coordinates to Beam and record again, or convert its own velocity with --instrument-only",
+            )
+        rows = self._of(self.rows, use)
+        if use:
+            rows = [_own(row) for row in rows]
+        return replace(
+            self.tables("data packet of a Wayfinder", 0 if use else _BEAMS, rows),
+            frame=_FRAMES[use & 3] if use else "none",
+            clock="the instrument's, as it was set",
+            notes=[
+                "time is that before the ping, to 10 ms",
+                "no beam velocities: the table holds the instrument's velocity, in its own signs"
+                if use
+                else UNSURE,
+            ],
+            facts={"coordinates": _FRAMES[use & 3], "beam_angle_deg": 30},
         )
-    raise_if_empty(account, place, "data packet of a Wayfinder")
-    return Recording(
-        table=table,
-        account=account,
-        frame=_FRAMES[use & 3] if use else "none",
-        clock="the instrument's, as it was set",
-        time_of="record",
-        notes=[
-            "time is that before the ping, to 10 ms",
-            "no beam velocities: the table holds the instrument's velocity, in its own signs"
-            if use
-            else UNSURE,
-        ],
-        facts={"coordinates": _FRAMES[use & 3], "beam_angle_deg": 30},
+
+
+def _own(row: Row) -> Row:
+    """A ping in axes, without beams."""
+    axes = row.velocity[:3]
+    return replace(
+        row, velocity=[], valid=[], range_m=[], instrument=axes, verdict=int(np.isfinite(axes).all())
     )
 
 
-FORMAT = binary(
-    "wayfinder", "Teledyne Wayfinder, binary", _sniff, Records(_MARK, _headers, _HEAD, "packet"), _read
+FORMAT = Format(
+    "wayfinder",
+    "Teledyne Wayfinder, binary",
+    lambda head: _MARK in head and bool(_FRAMING.of(head)),
+    _Decoder,
 )

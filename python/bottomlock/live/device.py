@@ -383,10 +383,6 @@ class Device:
         for receiver in list(self.receivers):
             await receiver.drained(most_bytes)
 
-    async def finish(self) -> None:
-        """Waits until all that can leave has left."""
-        await self.drained()
-
     def part(self) -> None:
         """Closes every connection once what was sent has left; new ones are taken."""
         for receiver in self.receivers:

@@ -9,7 +9,7 @@ from bottomlock.errors import DataError
 from bottomlock.live.checkpoint import resume
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.engine import Engine, Message
-from bottomlock.live.raw_log import Entry, ReadLog
+from bottomlock.live.raw_log import ReadLog
 from bottomlock.ports.estimate import Estimate
 
 
@@ -46,7 +46,6 @@ def replay_log(
     path: Path,
     *,
     estimates: Callable[[Estimate], None] | None = None,
-    bytes_of: Callable[[Entry], None] | None = None,
 ) -> Replayed:
     """Plays a raw log again.
 
@@ -56,7 +55,6 @@ def replay_log(
         config: the configuration.
         path: of the log.
         estimates: is given every estimate that was offered to the ports.
-        bytes_of: is given every entry of the log.
 
     Raises:
         DataError: for a file that is no raw log, or one of another configuration's sources.
@@ -77,8 +75,6 @@ def replay_log(
                 place=path,
                 expected="the configuration with which the log was written",
             )
-        if bytes_of is not None:
-            bytes_of(entry)
         if entry.kind == "out":
             sent += 1
             mine = open_.popleft() if open_ else None

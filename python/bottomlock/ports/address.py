@@ -14,14 +14,13 @@ from pydantic import AfterValidator, ValidationInfo
 from bottomlock.config.section import in_folder
 from bottomlock.text import nearest
 
-Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "pty", "file", "stdin", "stdout", "ros"]
+Kind = Literal["tcp", "tcpin", "udpin", "udpout", "serial", "file", "stdin", "stdout", "ros"]
 FORMS: dict[Kind, str] = {
     "tcp": "tcp:HOST:PORT (connects)",
     "tcpin": "tcpin:HOST:PORT (listens)",
     "udpin": "udpin:HOST:PORT (listens)",
     "udpout": "udpout:HOST:PORT (sends)",
     "serial": "serial:DEVICE:BAUD",
-    "pty": "pty:LINK",
     "file": "file:PATH",
     "stdin": "stdin",
     "stdout": "stdout",
@@ -51,7 +50,7 @@ class Address:
         kind: one of `FORMS`.
         host: of a network address: where to connect or send to, or where to listen.
         port: 0 lets the system choose one for `tcpin`.
-        path: of a file, a serial device, or the link to a pty, "" for a pty without a link; the topic.
+        path: of a file or a serial device; the topic.
         baud: of a serial device; 0 elsewhere.
     """
 
@@ -104,8 +103,8 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
         if colon:
             raise ValueError(malformed)
         return Address(kind)
-    if kind in {"file", "serial", "pty"}:
-        if not rest and kind != "pty":
+    if kind in {"file", "serial"}:
+        if not rest:
             raise ValueError(malformed)
         return _path(kind, rest)
     if kind == "ros":
@@ -122,7 +121,7 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
 
 
 def _path(kind: Kind, rest: str) -> Address:
-    """A file, a pty, or a serial device, whose name may hold colons."""
+    """A file, or a serial device, whose name may hold colons."""
     device, _, digits = rest.rpartition(":")
     if kind == "serial":
         named = bool(device) and digits.isdigit()
