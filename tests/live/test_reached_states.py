@@ -193,3 +193,23 @@ def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) ->
     late = {state for at_s, state in states if 3.5 < at_s < 16.5}
     assert late == {"UNSAFE"}
     assert states[-1][1] == "OK", engine.machine.why
+
+
+@pytest.mark.parametrize(("column", "size"), [(3, 0.06), (4, 0.03), (5, 0.01), (0, 0.002), (1, 0.005)])
+def test_a_bias_that_steps_is_noticed_and_learnt(column: int, size: float) -> None:
+    """No gate sees it: half of the messages of the next twenty seconds were OK and wrong before."""
+    engine, found = Engine(config("navigation")), []
+    for arrival_ns, source, data in World(30.0).arrivals(imu=True):
+        steps = source == 1 and arrival_ns >= world.START_NS + 10_000_000_000
+        sent = imu_fields(data, column, size) if steps else data
+        found += [Sent.parse(message.data) for message in engine.arrive(source, arrival_ns, sent)]
+    wrong = [
+        one
+        for one in found
+        if one.state == "OK" and (np.abs(one.velocity - world.VELOCITY) / one.sd).max() > 4.0
+    ]
+    assert len(wrong) <= 12
+    assert all(one.time_ns < world.START_NS + 14_000_000_000 for one in wrong)
+    late = [one for one in found if one.time_ns > world.START_NS + 24_000_000_000]
+    assert np.mean([np.linalg.norm(one.velocity - world.VELOCITY) for one in late]) < 0.03
+    assert "PARTIAL" in {one.state for one in found}

@@ -83,6 +83,8 @@ GOOD = Facts(
             "OK",
             "beams determine the whole velocity",
         ),
+        ({"lasting": True}, "PARTIAL", "PARTIAL", "the mean of pings contradicts the estimate"),
+        ({"lasting": True, "rejected": 5}, "UNSAFE", "UNSAFE", "5 pings in a row contradict the estimate"),
         ({"fault": "broken"}, "UNSAFE", "UNSAFE", "broken"),
         ({"waiting_for": "the alignment"}, "INITIALISING", "INITIALISING", "waiting for the alignment"),
     ],
@@ -107,6 +109,7 @@ facts = st.builds(
     stepped=st.booleans(),
     water_age_ns=st.none() | st.integers(0, 2 * S),
     waiting_for=st.sampled_from(["", "", "", "x"]),
+    lasting=st.booleans(),
     contradiction=st.none() | st.builds(Contradiction, st.just("depth"), st.integers(3, 6), st.just(S)),
 )
 
@@ -129,7 +132,8 @@ def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]
             assert state == "INITIALISING"
             continue
         contradicted += [(now, "UNSAFE")] if one.rejected >= 5 else []
-        contradicted += [(now, "PARTIAL")] if one.contradiction and one.contradiction.readings >= 5 else []
+        is_long = one.contradiction is not None and one.contradiction.readings >= 5
+        contradicted += [(now, "PARTIAL")] if is_long or one.lasting else []
         recent = [least for at, least in contradicted if now - at < 10 * S]
         wanted = max([wanted, *recent], key=ORDER.index)
         asked = [(at, one_state) for at, one_state in asked if now - at < S] + [(now, wanted)]
@@ -141,8 +145,11 @@ def test_the_run_of_rejections_that_has_lasted_longest() -> None:
     """One that is accepted ends its run; beams, water and what is revised are no part of it."""
     runs = Contradictions()
 
-    def take(at_s: int, sensor: str, verdict: str = "rejected", *, revised: bool = False) -> None:
-        runs.take(SimpleNamespace(time_ns=at_s * S, sensor=sensor, verdict=verdict, revised=revised))  # type: ignore[arg-type]
+    def take(
+        at_s: int, sensor: str, verdict: str = "rejected", factor: float | None = None, **kinds: bool
+    ) -> None:
+        report = {"sensor": sensor, "verdict": verdict, "inflation": factor, "revised": False, **kinds}
+        runs.take(SimpleNamespace(time_ns=at_s * S, **report))  # type: ignore[arg-type]
 
     for at_s in range(4):
         take(at_s, "beams")
@@ -158,3 +165,21 @@ def test_the_run_of_rejections_that_has_lasted_longest() -> None:
     assert str(runs.longest) == "heading has contradicted the estimate for 4 s"
     take(9, "heading", "accepted")
     assert runs.longest == Contradiction("gps_position", 3, 2 * S)
+
+
+def test_the_mean_of_pings_contradicts_once_a_ping_that_was_accepted_charges() -> None:
+    """What is charged after a rejected ping is of rejections, and the next ping ends either."""
+    runs = Contradictions()
+    found = []
+    for verdict, factor in [
+        ("accepted", None),
+        ("accepted", 9.0),
+        ("accepted", None),
+        ("rejected", None),
+        ("accepted", 9.0),
+    ]:
+        runs.take(
+            SimpleNamespace(time_ns=0, sensor="beams", verdict=verdict, inflation=factor, revised=False)  # type: ignore[arg-type]
+        )
+        found.append(runs.lasting)
+    assert found == [False, True, False, False, False]

@@ -222,7 +222,7 @@ typedef struct {
     double nis;
     // Its threshold; infinite without one.
     double threshold;
-    // Factor by which the covariance was inflated after rejections; 1 for none.
+    // Factor by which variances grew after rejections, or by the mean of what was accepted; 1 for none.
     double inflation;
     // Part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1; the rest to inertial states.
     double charged_to_sensor;

@@ -65,7 +65,7 @@ pub struct Report {
     pub nis: f64,
     /// Its threshold; infinite without one.
     pub threshold: f64,
-    /// Factor by which the covariance was inflated after rejections; 1 for none.
+    /// Factor by which variances grew after rejections, or by the mean of what was accepted; 1 for none.
     pub inflation: f64,
     /// Part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1; the rest to inertial states.
     pub charged_to_sensor: f64,

@@ -15,7 +15,7 @@ use crate::results::entries;
 /// `verdict`: "accepted", "accepted_in_part", "rejected", "no_information" or "withheld".
 /// `revised`: whether it replaces an earlier report, since data came late.
 /// `reason`: why an inertial reading was rejected; else None.
-/// `inflation`: factor on the covariance after a row of rejections; None without one.
+/// `inflation`: factor on variances after a row of rejections, or by the mean of what was accepted; None without one.
 /// `charged_to_sensor`: part of what those rejections showed that was charged to slow errors of the sensor, 0 to 1.
 /// `beyond_linear_range`: whether the correction is larger than linearisation allows.
 /// `rejected_rows` (m,): rows of a measurement accepted in part that were not used.

@@ -275,6 +275,7 @@ class Engine:
             imu_period_ns=self._imu_period_ns,
             velocity_sd_mps=estimator.velocity_sd_mps,
             rejected=estimator.rejected,
+            lasting=estimator.others.lasting,
             stepped=steps > self._steps_seen,
             closure_ratio=estimator.closure.ratio,
             own_ratio=estimator.closure.own_ratio,

@@ -25,8 +25,6 @@ from bottomlock.ports.estimate import Estimate, State, VelocityMethod
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import Ping, Reading
 
-BEAM_SENSORS = ("beams", "velocity")
-"""The kernel's names of a DVL's measurements in its reports."""
 PINGS = 20
 """Complete pings that are judged together."""
 _GAUSSIAN = 0.6745

@@ -9,9 +9,9 @@ import numpy as np
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.estimator import BEAM_SENSORS, Estimator, LastPing, on_host_clock, solve_ping
+from bottomlock.live.estimator import Estimator, LastPing, on_host_clock, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
-from bottomlock.live.states import Contradictions
+from bottomlock.live.states import BEAM_SENSORS, Contradictions
 from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import Ping, Reading
 from bottomlock.recordings.sensors import SENSORS

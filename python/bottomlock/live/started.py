@@ -18,11 +18,11 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import METHODS, RECOMMENDED_METHOD, Navigator, Report
 from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aligned import AlignedNavigator
-from bottomlock.live.estimator import BEAM_SENSORS, Closure
+from bottomlock.live.estimator import Closure
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
-from bottomlock.live.states import Contradictions, Reasons, contradictions, grave
+from bottomlock.live.states import BEAM_SENSORS, Contradictions, Reasons, contradictions, contradicts
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -236,8 +236,8 @@ class StartedNavigator:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
         ratios = self._closure.ratio, self._closure.own_ratio
         limits = StatesSection()
-        other = grave(self._others.longest, limits)
-        return contradictions(self._rejected, *ratios, limits) + ([] if other is None else [str(other)])
+        other = contradicts(self._others.longest, limits, is_lasting=self._others.lasting)
+        return contradictions(self._rejected, *ratios, limits) + ([] if other is None else [other[1]])
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

@@ -30,6 +30,8 @@ class Reasons(Counter[str]):
         self[reason if reason in self or len(self) < MOST else "other reasons"] += count
 
 
+BEAM_SENSORS = ("beams", "velocity")
+"""The kernel's names of a DVL's measurements in its reports."""
 REFERENCES = {"heading", "attitude", "depth", "acoustic_position", "gps_position"}
 """What measures where the vehicle is and how it is turned: where one contradicts the estimate, either is wrong."""
 
@@ -51,22 +53,48 @@ class Contradiction:
         return f"{self.words} has contradicted the estimate for {self.lasted_ns * 1e-9:.0f} s"
 
 
-def grave(contradiction: Contradiction | None, limits: StatesSection) -> Contradiction | None:
-    """The contradiction; None without one, and where it may be chance or is shorter than a state takes to settle."""
-    if contradiction is None or contradiction.readings < limits.rejected_pings:
+def contradicts(
+    longest: Contradiction | None, limits: StatesSection, *, is_lasting: bool
+) -> tuple[str, str] | None:
+    """What contradicts the estimate beside rejected pings, and the sentence; None where nothing does.
+
+    Args:
+        longest: rejected readings, which may be chance, or be shorter than a state takes to settle.
+        limits: of the states.
+        is_lasting: whether the mean of pings does.
+    """
+    if is_lasting:
+        return "the mean of pings", "the mean of pings contradicts the estimate"
+    if (
+        longest is None
+        or longest.readings < limits.rejected_pings
+        or longest.lasted_ns < ns_from_s(limits.settle_s)
+    ):
         return None
-    return contradiction if contradiction.lasted_ns >= ns_from_s(limits.settle_s) else None
+    return longest.words, str(longest)
 
 
 class Contradictions:
-    """Runs of rejected readings of each of `REFERENCES`; one that is not rejected ends its run."""
+    """Runs of rejected readings of each of `REFERENCES`; one that is not rejected ends its run.
+
+    Attributes:
+        lasting: the mean of the pings up to the last one shows an error of the estimate that no gate sees.
+    """
 
     def __init__(self) -> None:
         self._runs: dict[str, tuple[int, int, int]] = {}
+        self._is_ping_rejected = False
+        self.lasting = False
 
     def take(self, report: Report) -> None:
         """Counts a report; those of other sensors and revised ones do not count."""
-        if report.sensor not in REFERENCES or report.revised:
+        if report.revised:
+            return
+        if report.sensor in BEAM_SENSORS:
+            # What is charged after pings that were rejected is theirs.
+            self.lasting = report.inflation is not None and not self._is_ping_rejected
+            self._is_ping_rejected = report.verdict == "rejected"
+        if report.sensor not in REFERENCES:
             return
         if report.verdict == "rejected":
             since_ns, count, _ = self._runs.get(report.sensor, (report.time_ns, 0, 0))
@@ -102,6 +130,7 @@ class Facts:
         imu_period_ns: expected time between readings.
         velocity_sd_mps: largest 1 sigma of a velocity axis; None in mode velocity.
         rejected: pings in a row that the gate has rejected.
+        lasting: the mean of the pings up to the last one shows an error of the estimate that no gate sees.
         closure_ratio: scatter of the beams' closure over the claimed one; None where it is not known.
         own_ratio: scatter of the beams about the instrument's own velocity over the claimed one; None likewise.
         stepped: a clock has been set since the facts before.
@@ -122,6 +151,7 @@ class Facts:
     velocity_sd_mps: float | None
     rejected: int
     stepped: bool
+    lasting: bool = False
     closure_ratio: float | None = None
     own_ratio: float | None = None
     water_age_ns: int | None = None
@@ -158,9 +188,9 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
-    contradiction = grave(facts.contradiction, limits)
+    contradiction = contradicts(facts.contradiction, limits, is_lasting=facts.lasting)
     if contradiction is not None:
-        return "PARTIAL", str(contradiction)
+        return "PARTIAL", contradiction[1]
     return "OK", "beams determine the whole velocity"
 
 
@@ -203,8 +233,8 @@ class StateMachine:
     """The state with its hysteresis: the worst that was judged within the last `settle_s`.
 
     After pings that contradicted the estimate it stays UNSAFE for `agree_s`: what all beams read for seconds may be a
-    shoal or a vessel, and the filter follows it once its gate opens. After another sensor contradicted it, it stays
-    PARTIAL as long.
+    shoal or a vessel, and the filter follows it once its gate opens. After the mean of pings or another sensor
+    contradicted it, it stays PARTIAL as long.
 
     Attributes:
         state: now.
@@ -230,9 +260,9 @@ class StateMachine:
             return self.state
         if facts.rejected >= self.limits.rejected_pings:
             self._contradicted["UNSAFE"] = facts.now_ns, "pings"
-        contradiction = grave(facts.contradiction, self.limits)
+        contradiction = contradicts(facts.contradiction, self.limits, is_lasting=facts.lasting)
         if contradiction is not None:
-            self._contradicted["PARTIAL"] = facts.now_ns, contradiction.words
+            self._contradicted["PARTIAL"] = facts.now_ns, contradiction[0]
         for state, (at_ns, who) in self._contradicted.items():
             is_recent = facts.now_ns - at_ns < ns_from_s(self.limits.agree_s)
             if is_recent and ORDER.index(state) > ORDER.index(asked):

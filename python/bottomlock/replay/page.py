@@ -44,8 +44,8 @@ _CALIBRATION_WORDS = (
 )
 _SENSOR_WORDS = (
     "Readings that reached the filter; rows left out because they hold none; the part that the gate rejected; how "
-    "often rejections inflated the covariance; NIS and its degrees of freedom, means; the largest estimate of the "
-    "sensor's slow errors (bias, offset, walk, deviation) in σ of what the case states."
+    "often rejections, or a mean, inflated the covariance; NIS and its degrees of freedom, means; the largest "
+    "estimate of the sensor's slow errors (bias, offset, walk, deviation) in σ of what the case states."
 )
 _CLOCK_WORDS = "Seconds on the case's clock. A gap is a step longer than the length given."
 

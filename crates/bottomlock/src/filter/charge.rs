@@ -270,7 +270,7 @@ impl Eskf {
     /// Factor that keeps the sigmas of attitude and position below their limits.
     ///
     /// A method with a wrong assumption is rejected again and again, and must not inflate its covariance without bound.
-    fn largest_factor(&self, charged: &[bool; DIM]) -> f64 {
+    pub(super) fn largest_factor(&self, charged: &[bool; DIM]) -> f64 {
         let largest = |block: usize| {
             (block..block + 3)
                 .filter(|&k| charged[k])

@@ -16,6 +16,7 @@ mod further_update;
 pub mod gate;
 mod imu_matrix;
 mod joseph;
+mod lasting;
 #[cfg(test)]
 mod level_turn;
 mod linear_error;
@@ -44,6 +45,7 @@ pub(crate) use self::bridge::{BridgeNoise, seconds_between};
 use self::definite::is_positive_definite;
 use self::evidence::Evidence;
 use self::extensions::Extensions;
+use self::lasting::LastingTest;
 use self::linear_range::Measured;
 use self::prediction::Settings;
 use self::update::not_positive_definite;
@@ -84,6 +86,7 @@ pub struct Eskf {
     plausible: GateTable,
     inflate_after_rejections: u32,
     evidence: Evidence,
+    lasting: Box<LastingTest>,
     extensions: Extensions,
 }
 
@@ -120,6 +123,7 @@ impl Eskf {
             plausible: GateTable::plausible(options.gate, options.gate_probability)?,
             inflate_after_rejections: options.inflate_after_rejections,
             evidence: Evidence::default(),
+            lasting: Box::default(),
             extensions: Extensions::new(model, options, &kinematics),
         })
     }

@@ -50,7 +50,7 @@ pub struct UpdateReport {
     pub threshold: f64,
     /// Outcome of the gate.
     pub verdict: Verdict,
-    /// Factor by which variances grew after consecutive rejections.
+    /// Factor by which variances grew after consecutive rejections, or by the mean of what was accepted.
     pub inflation: Option<f64>,
     /// Part of what those rejections showed that was charged to slow errors of the sensor; the rest to inertial states.
     pub charged_to_sensor: f64,

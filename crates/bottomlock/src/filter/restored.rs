@@ -36,6 +36,7 @@ impl Eskf {
             .into_iter()
             .try_for_each(|(field, value)| require_non_negative(field, value))?;
         self.evidence.check_restored(time_ns)?;
+        self.lasting.check_restored(time_ns)?;
         self.extensions.further().check_restored(time_ns)?;
         if let Some(change) = &self.extensions.change {
             change.check_restored(time_ns)?;

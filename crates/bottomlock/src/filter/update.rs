@@ -47,6 +47,7 @@ impl Eskf {
         let mut correction = predicted
             .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
+        self.test_lasting(innovation, predicted, sensor);
         if !self.extensions.is_empty() {
             self.update_extensions(innovation, predicted, &correction.gain);
         }

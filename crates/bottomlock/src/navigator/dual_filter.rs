@@ -194,9 +194,12 @@ impl DualFilter {
         sensor: Sensor,
         innovation_of: &dyn Fn(&Eskf) -> Innovation,
     ) -> Result<UpdateReport, NavError> {
-        let report = self.update(sensor, innovation_of)?;
+        let mut report = self.update(sensor, innovation_of)?;
         if report.verdict != Verdict::Rejected {
             self.measurements_only.note_accepted(sensor);
+            if let Some(charge) = self.charge_lasting() {
+                charge.note_in(&mut report);
+            }
             return Ok(report);
         }
         let rejected = innovation_of(&self.measurements_only);
@@ -207,6 +210,15 @@ impl DualFilter {
         let mut report = self.update(sensor, innovation_of)?;
         charge.note_in(&mut report);
         Ok(report)
+    }
+
+    /// Charges every filter with an error that lasts, as [`Eskf::charge_lasting`].
+    pub(crate) fn charge_lasting(&mut self) -> Option<Charge> {
+        let charge = self.measurements_only.charge_lasting()?;
+        if let Some(filter) = &mut self.constrained {
+            filter.charge(&charge);
+        }
+        Some(charge)
     }
 
     /// Counts a rejection by the filter on the measurements alone, as [`Eskf::note_rejected`]; returns what has become uncertain where

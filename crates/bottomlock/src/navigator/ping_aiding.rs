@@ -39,6 +39,9 @@ impl Navigator {
         }
         if outcome.as_ref().is_some_and(UpdateReport::was_used) {
             self.confirmed = self.confirmed.or(left.valid);
+            if charge.is_none() && self.measures_as_tight() {
+                charge = self.filters.charge_lasting();
+            }
         }
         if let Some(mut outcome) = outcome {
             if let Some(charge) = charge {
@@ -63,6 +66,15 @@ impl Navigator {
         let is_redundant = ping.count() > self.geometry.rank_of(ping);
         let is_whole = left == BeamMask::NONE || left == ping;
         is_confirmed && !(is_redundant && is_whole)
+    }
+
+    /// Whether the innovations of pings are those of the beams themselves, without a method's assumption.
+    fn measures_as_tight(&self) -> bool {
+        match self.aiding {
+            BeamAiding::Tight | BeamAiding::SwayCurrent => true,
+            BeamAiding::Loose(method) => self.is_lossless(method),
+            BeamAiding::None | BeamAiding::Own(_) => false,
+        }
     }
 
     /// Counts the gate's verdict on a whole ping; returns what has become uncertain by it.

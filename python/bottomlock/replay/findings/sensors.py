@@ -25,7 +25,7 @@ class SensorRow:
         left_out: rows that were no readings, and readings left out near the vertical.
         measured: readings that reached the filter.
         rejected: those of which the gate rejected every row.
-        inflated: how often they inflated the covariance.
+        inflated: how often they, or the mean of all, inflated the covariance.
         nis, degrees: means over the readings.
         slow_error: largest estimate of its slow errors, in sigmas of what the case states; 0 without such states.
     """
