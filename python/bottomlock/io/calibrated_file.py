@@ -1,18 +1,15 @@
 """A DVL's file with another mounting, scale and clock offset, each with its 1 sigma; everything else stays as it is."""
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from bottomlock.errors import OutputError
 
 ANGLES = ("roll", "pitch", "yaw")
-_TABLE = re.compile(r"^\s*\[")
-_OWN = re.compile(r"^\s*\[\s*calibration\s*\]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +43,6 @@ def require_toml(path: Path) -> None:
         raise OutputError(place=path, expected="a name that ends in .toml")
 
 
-def mounting_lines(rpy_rad: NDArray[np.float64]) -> list[str]:
-    """Keys of the mounting."""
-    return [
-        f"mounting_{name}_deg = {np.rad2deg(value):.4f}" for name, value in zip(ANGLES, rpy_rad, strict=True)
-    ]
-
-
 def calibration_lines(found: Calibrated) -> list[str]:
     """The table [calibration]; empty where nothing is known."""
     lines = []
@@ -70,29 +60,9 @@ def calibration_lines(found: Calibrated) -> list[str]:
 
 def calibrated_text(text: str, found: Calibrated) -> str:
     """A DVL's file (TOML) with a calibration in place of its own; comments and all other keys stay."""
-    lines = _without_table(text.splitlines())
+    document = tomlkit.parse(text)
+    document.pop("calibration", None)
     if found.mounting_rpy_rad is not None:
-        named = re.compile(r"^\s*mounting_(roll|pitch|yaw)_deg\s*=")
-        first = next((k for k, line in enumerate(lines) if named.match(line)), None)
-        kept = [line for line in lines if not named.match(line)]
-        if first is None:
-            first = next(
-                (k for k, line in enumerate(kept) if _TABLE.match(line) and "=" not in line), len(kept)
-            )
-            while first and not kept[first - 1].strip():
-                first -= 1
-        lines = kept[:first] + mounting_lines(found.mounting_rpy_rad) + kept[first:]
-    while lines and not lines[-1].strip():
-        lines.pop()
-    return "\n".join([*lines, *calibration_lines(found)]) + "\n"
-
-
-def _without_table(lines: Sequence[str]) -> list[str]:
-    """The lines without the table [calibration]."""
-    kept, inside = [], False
-    for line in lines:
-        if _TABLE.match(line) and "=" not in line.split("#")[0]:
-            inside = bool(_OWN.match(line))
-        if not inside:
-            kept.append(line)
-    return kept
+        for name, value in zip(ANGLES, found.mounting_rpy_rad, strict=True):
+            document[f"mounting_{name}_deg"] = tomlkit.value(f"{np.rad2deg(value):.4f}")
+    return "\n".join([tomlkit.dumps(document).rstrip(), *calibration_lines(found)]) + "\n"

@@ -30,7 +30,7 @@ from bottomlock.io.rows import (
 from bottomlock.io.sentences import LONGEST_LINE, xor_of
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Cells:
     """What the water returned to a ping, by cell.
 
@@ -51,7 +51,7 @@ class Cells:
     sd: ArrayLike | None = None
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Row:
     """A ping as its record holds it; an empty sequence, and NaN, where it holds nothing.
 
@@ -91,7 +91,7 @@ class Row:
     extra: dict[str, float] = field(default_factory=dict)
     sent_ns: int | None = None
     water_m: float | None = None
-    there: set[int] = field(default_factory=set)
+    there: frozenset[int] = frozenset()
     cells: Cells | None = None
     alone: bool = False
     group: int = 0

@@ -61,8 +61,8 @@ _UNREAD = (
     (rb"^\s*\Z", "is empty", ""),
 )
 """Marks of what is known and not read, what they lack, and what to record in their place."""
-_TIMES_ITS_SIZE = 10.0
-"""Memory that reading a log takes, over its size (measured: PD0 with profiles 9, without 5, Water Linked JSON 3)."""
+_TIMES_ITS_SIZE = 18.0
+"""Memory that reading a log takes, over its size (measured: Wayfinder 17, DF21 12, PD0 9, Water Linked JSON 3)."""
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ class _Decoder(SentenceDecoder):
     def _add(self, ping: Row, beam: int, velocity: float, fom: float, distance: float, dt1_ms: float) -> None:
         """Adds a beam, from 1; what the manual says of invalid values becomes none."""
         known, k = velocity > NO_VELOCITY_MPS + 1e-3, beam - 1
-        ping.there.add(beam)
+        ping.there |= {beam}
         ping.velocity[k] = velocity if known else NAN
         ping.valid[k] = known and fom < NO_FOM_MPS
         ping.range_m[k] = distance / math.cos(TILT_RAD) if distance > 0.0 else NAN
