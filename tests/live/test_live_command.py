@@ -49,7 +49,7 @@ async def play(
             writers[0].write(data)
 
 
-async def whole_chain(tmp_path: Path, *, drop_at: float | None = None) -> tuple[list[Sent], Path, list[str]]:
+async def whole_chain(tmp_path: Path) -> tuple[list[Sent], Path, list[str]]:
     """Runs everything in one loop: instruments, live, listener."""
     loop = asyncio.get_running_loop()
     listening, listener = await loop.create_datagram_endpoint(Listener, local_addr=("127.0.0.1", 0))
@@ -72,8 +72,6 @@ async def whole_chain(tmp_path: Path, *, drop_at: float | None = None) -> tuple[
         asyncio.DatagramProtocol, remote_addr=("127.0.0.1", imu_port)
     )
     await asyncio.sleep(0.3)
-    if drop_at is not None:
-        loop.call_later(drop_at, lambda: clients.pop(0).close())
     await play(World(4.5, losses), clients, imu)
     await asyncio.sleep(0.1)
     task.cancel()
