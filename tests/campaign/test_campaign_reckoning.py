@@ -52,18 +52,6 @@ def test_the_filters_are_what_they_are_without_it() -> None:
         assert mine.filter(pl.col("method") != RECKONING).equals(other)
 
 
-def test_a_run_does_not_depend_on_those_beside_it() -> None:
-    """Nor do its dropouts, which chance decides."""
-    lost = scenario(**KEYS["heading"]).replace(
-        {"dvl.dropouts": [{"beams": [1, 2], "mean_up_s": 10.0, "mean_down_s": 5.0}]}
-    )
-    one = build_scenarios(build_simulations([lost.with_overrides(methods=[RECKONING])]))[0]
-    many, alone = chunk(one, 3).samples, chunk(one, 1, first=2).samples
-    assert many.filter(pl.col("run") == 2).equals(alone)
-    errors = many["err_position_north_m"].to_numpy().reshape(3, -1)
-    assert len(np.unique(errors[:, -1])) == 3
-
-
 def test_what_it_does_not_estimate_is_null() -> None:
     result = chunk(built("magnetometer"), 2)
     own = of_reckoning(result.counts)
@@ -104,23 +92,6 @@ def test_the_yaw_is_that_of_the_latest_heading() -> None:
     )
     assert both.height > 50
     assert both["err_misalignment_down_rad"].to_numpy() == pytest.approx(both["off"].to_numpy(), abs=2e-3)
-
-
-def test_with_sensors_without_errors_it_is_on_the_truth() -> None:
-    quiet = {
-        "heading.enabled": True, "heading.noise_deg": 1e-6, "dvl.beam_noise_mps": 1e-6, "dvl.beam_bias_mps": 0.0,
-        "dvl.scale_factor_percent": 0.0, "dvl.rate_hz": 5.0, "heading.rate_hz": 5.0,
-        "imu.gyro_bias_deg_per_h": 1e-6, "imu.accel_bias_mg": 1e-6, "imu.gyro_noise_deg_per_rt_h": 1e-6,
-        "imu.accel_noise_mps_per_rt_h": 1e-6, "initial.position_m": [1e-3, 1e-3, 1e-3],
-        "initial.velocity_mps": [1e-4, 1e-4, 1e-4], "initial.roll_deg": 1e-3, "initial.pitch_deg": 1e-3,
-    }  # fmt: skip
-    one = build_scenarios(build_simulations([scenario(**quiet)]))[0]
-    samples = of_reckoning(chunk(one, 1).samples)
-    for axis in ("north", "east"):
-        # The velocity of a ping is held: over a way of 120 m in turns it lags by a fifth of a second.
-        assert np.abs(samples[f"err_position_{axis}_m"].to_numpy()).max() < 0.4
-    for axis in ("north", "east"):
-        assert np.rad2deg(np.abs(samples[f"err_misalignment_{axis}_rad"].to_numpy()).max()) < 0.5
 
 
 def test_without_a_reference_or_with_feedback_it_is_refused() -> None:

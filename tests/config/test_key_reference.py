@@ -4,7 +4,6 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import pytest
@@ -15,8 +14,6 @@ from bottomlock.config.key_reference import key_of, section_models, sections_of
 from bottomlock.config.scenario_sections import Dvl
 from bottomlock.errors import ScenarioError
 from tools import key_reference
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def every_model() -> Iterator[type[BaseModel]]:

@@ -17,7 +17,6 @@ from bottomlock.kernel import BeamGeometry, KernelError, Method
 from bottomlock.recordings.sensors import SENSORS, Sensor
 from tests.kernel.test_models import JANUS, LOG, MODEL, OPTIONS, STATE
 
-SECOND = 1_000_000_000
 EFFORT = {"mass_kg": [20.0, 20.0, 30.0], "linear_drag_kg_per_s": [14.0, 0.0, 33.0]}
 
 

@@ -1,4 +1,4 @@
-"""Simulated acoustic fixes: their own random stream and scatter, observability, scenarios."""
+"""Simulated acoustic fixes: their own random stream and scatter, schedules, scenarios."""
 
 from typing import Any
 
@@ -7,11 +7,9 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import simulate_sensors
-from bottomlock.observability.analysis import Aiding, deviations, observe
 from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
-from tests.analytic import analytic
 from tests.oracle import acoustic_position as oracle
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.run_events import Readings
@@ -61,26 +59,6 @@ def test_a_section_that_is_not_there_decides_nothing() -> None:
     assert named.content_hash() == plain.content_hash()
     assert plain.replace({"acoustic_position.rate_hz": 0.5}).content_hash() != plain.content_hash()
     assert "acoustic_position" not in plain.model_fields_set
-
-
-def test_observability_has_it_beside_gps() -> None:
-    """It observes what a GPS position observes; farther from the transceiver the predicted deviation is larger."""
-    simulated = build_simulation(analytic("figure_eight", duration_s=60.0))
-    truth = simulated.truth()
-    sets = [Aiding(acoustic_position=True), Aiding(gps_position=True)]
-    acoustic, gps = observe(truth, simulated.geometry, sets, kind="inertial", period_s=2.0)
-    assert acoustic.rank == gps.rank
-    np.testing.assert_allclose(acoustic.rows, gps.rows)
-    kernel_model = simulated.scenario.kernel_model(simulated.gravity_mps2)
-    assert kernel_model.acoustic_position is not None
-    far = kernel_model.replace(
-        acoustic_position=kernel_model.acoustic_position.replace(transceiver_t_m=[1e3, 0.0, 0.0])
-    )
-    near_sd, far_sd = (
-        deviations(truth, simulated.geometry, sets[0], each, period_s=2.0).sd[-1, 0]
-        for each in (kernel_model, far)
-    )
-    assert far_sd > 1.5 * near_sd
 
 
 def test_schedule_of_a_scenario_has_it() -> None:
