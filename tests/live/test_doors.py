@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from bottomlock.encoders.registry import format_named
+from bottomlock.encoders.waterlinked_serial import SerialCommands
 from bottomlock.errors import BottomlockError
 from bottomlock.instruments.play import parse_address, sink_of
 from bottomlock.live.config import LiveConfig, load_config
@@ -168,6 +169,15 @@ def test_the_makers_clients_configure(served: str) -> None:
     assert [one["success"] for one in answers] == [True] * 4 + [False] * 3
     assert all(one["type"] == "response" and bool(one["error_message"]) != one["success"] for one in answers)
     assert (answers[3]["result"]["speed_of_sound"], answers[3]["result"]["range_mode"]) == (1480, "2<=3")
+
+
+def test_commands_of_the_serial_line() -> None:
+    answers = SerialCommands().client()
+    told = answers(b"wcs,1450,,,y,,\nwcc*c9\r\nwcr\nwcx\nwcs,no,,,\nwcz\nwcr*00\nwc")
+    assert [line.partition(b"*")[0] for line in told.splitlines()] == [
+        b"wra", b"wr!", b"wra", b"wrn", b"wr?", b"wr?", b"wr!",
+    ]  # fmt: skip
+    assert answers(b"c\n").startswith(b"wrc,1450.0,0.0,y,y,auto,y*")
 
 
 def test_two_vehicles_are_not_mixed() -> None:

@@ -34,7 +34,7 @@ class Format:
 
 FORMATS = (
     Format("waterlinked-json", 4, waterlinked_json.encode, waterlinked_json.Commands),
-    Format("waterlinked-serial", 4, waterlinked_serial.encode),
+    Format("waterlinked-serial", 4, waterlinked_serial.encode, waterlinked_serial.SerialCommands),
     Format("pd0", 4, pd0.encode),
     Format("nortek-dvl", 4, nortek_dvl.encode),
     Format("nucleus", 3, nucleus.encode),

@@ -8,11 +8,13 @@ Source: Water Linked, "DVL serial protocol" 2.4 and 2.7; number of digits from i
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 from bottomlock.encoders.fields import decimal, steps_of
-from bottomlock.encoders.framing import waterlinked_sentence
+from bottomlock.encoders.framing import crc8, waterlinked_sentence
 from bottomlock.encoders.ping import Instrument, Ping
-from bottomlock.encoders.waterlinked_json import NSD_DBM, rssi_dbm, stated
+from bottomlock.encoders.waterlinked_json import MOST_BYTES, NSD_DBM, Commands, rssi_dbm, stated
 from bottomlock.io.columns import LATEST_NS
 
 
@@ -59,3 +61,55 @@ def encode(ping: Ping, instrument: Instrument) -> bytes:
         *(f"wru,{_transducer(ping, k)}" for k in range(ping.beams)),
     ]
     return b"".join(waterlinked_sentence(line.encode()) for line in lines)
+
+
+_DONE, _FAILED, _MALFORMED, _DAMAGED = b"wra", b"wrn", b"wr?", b"wr!"
+_TOLD = {
+    b"wcv": b"wrv,2,6,0",
+    b"wcw": b"wrw,bottomlock,2.6.1,0x0",
+    b"wcr": _DONE,
+    b"wcg": _DONE,
+    b"wcx": _FAILED,
+}
+_KEYS = (
+    "speed_of_sound", "mounting_rotation_offset", "acoustic_enabled", "dark_mode_enabled", "range_mode",
+    "periodic_cycling_enabled",
+)  # fmt: skip
+_ORDER = {"y": True, "n": False}
+
+
+class SerialCommands(Commands):
+    """The same commands as sentences: `wcv`, `wcw`, `wcc`, `wcs`, `wcr`, `wcg`, `wcx`, their checksums optional."""
+
+    def client(self) -> Callable[[bytes], bytes]:
+        """What answers the bytes of one client."""
+        held = b""
+
+        def answers(data: bytes) -> bytes:
+            nonlocal held
+            *lines, held = (held + data).replace(b"\r", b"\n").split(b"\n")
+            held = held[-MOST_BYTES:]
+            return b"".join(waterlinked_sentence(self._reply(line)) for line in lines if line)
+
+        return answers
+
+    def _reply(self, line: bytes) -> bytes:
+        text, star, digits = line.partition(b"*")
+        if star and digits.lower() != b"%02x" % crc8(text):
+            return _DAMAGED
+        name, *values = text.split(b",")
+        if name == b"wcc" and not values:
+            known = [self.config[key] for key in _KEYS]
+            shown = [("n", "y")[value] if isinstance(value, bool) else str(value) for value in known]
+            return ",".join(["wrc", *shown]).encode()
+        if name != b"wcs":
+            return _MALFORMED if values else _TOLD.get(name, _MALFORMED)
+        try:
+            given = dict(zip(_KEYS, (value.decode() for value in values), strict=False))
+            parameters: dict[str, Any] = {key: _ORDER.get(text, text) for key, text in given.items() if text}
+            parameters |= {key: float(given[key]) for key in _KEYS[:2] if given.get(key)}
+        except ValueError:
+            return _MALFORMED
+        if not 4 <= len(values) <= len(_KEYS) + 1:
+            return _MALFORMED
+        return _FAILED if self.configure(parameters) else _DONE
