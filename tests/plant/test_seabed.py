@@ -42,6 +42,16 @@ def test_roll_brings_one_side_nearer_the_vertical() -> None:
     assert np.cos(prints.incidence_rad[0]) == pytest.approx(down)
 
 
+def test_lever_arms_shift_the_origin() -> None:
+    arms = np.tile([0.5, 0.0, 0.1], (4, 1))
+    prints = footprints(
+        PlaneSeabed(50.0, slope_north=0.1), np.array([[0.0, 0.0, 20.0]]), LEVEL, _janus(), arms
+    )
+    b = _janus()
+    by_hand = (50.0 + 0.1 * 0.5 - 20.1) / (b[:, 2] - 0.1 * b[:, 0])
+    assert prints.range_m[0] == pytest.approx(by_hand)
+
+
 @given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
 def test_a_gridded_plane_is_the_plane(slope_n: float, slope_e: float, north: float, east: float) -> None:
     plane = PlaneSeabed(60.0, slope_n, slope_e)

@@ -8,6 +8,7 @@ import pytest
 from bottomlock.plant import (
     Current,
     Flight,
+    StuckFin,
     Vehicle,
     figure_eight,
     fly,
@@ -74,3 +75,12 @@ def test_constant_bearing_follows_the_target(tauv: Vehicle) -> None:
     history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
     target = mission.timetable(np.array([120.0]))[0, 8:10]
     assert np.hypot(*(history.state[-1, :2] - target)) < 3.0
+
+
+def test_a_stuck_fin_is_compensated(tauv: Vehicle) -> None:
+    """One fin jammed at 5 deg: the others hold course and depth, at the price of standing deflections."""
+    mission = replace(straight(duration_s=60.0), stuck=StuckFin(2, np.deg2rad(5.0)))
+    history = swim(tauv, mission, gravity_mps2=GRAVITY_MPS2)
+    assert np.abs(history.state[:, 14] - np.deg2rad(5.0)).max() < 1e-6
+    assert np.abs(history.state[-1, 1]) < 0.5
+    assert history.state[-1, 2] == pytest.approx(20.0, abs=0.2)

@@ -105,6 +105,7 @@ def test_only_pings_without_bottom() -> None:
     simulated = build_simulation(scenario)
     drawn = sensor_streams(simulated, simulated.truth())
     assert drawn["beams_water"]["time_ns"].to_list() == [second * 10**9 for second in range(5, 12)]
+    assert drawn["beams_water"].columns[:5] == ["time_ns", "cell", "range_m", "beam1_mps", "beam1_valid"]
 
 
 def test_in_parts_it_is_the_same_run() -> None:
