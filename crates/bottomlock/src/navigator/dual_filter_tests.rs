@@ -375,3 +375,25 @@ fn a_measured_current_is_no_assumption() {
     assert_eq!(inflations, [false, false, true]);
     assert!(filters.constrained_water().is_none() && filters.each().count() == 1);
 }
+
+/// Velocities 1.5 σ to one side, a second apart: once their mean contradicts the filter on the measurements alone both become
+/// uncertain by the same, and the constrained one goes on.
+#[test]
+fn an_error_that_lasts_is_charged_to_both_filters() {
+    let mut filters = filters([0.0; 3], &WaterPrior::default());
+    let variance = |filter: &Eskf| filter.covariance()[(VELOCITY, VELOCITY)];
+    let variances = |filters: &DualFilter| filters.each().map(variance).collect::<Vec<_>>();
+    let charge = (0..60).find_map(|_| {
+        rest(&mut filters, 1);
+        filters.update(Sensor::Velocity, &surge(1.5, 0.0)).unwrap();
+        let before = variances(&filters);
+        filters.charge_lasting().map(|charge| (charge, before))
+    });
+    let (charge, before) = charge.unwrap();
+    let after = variances(&filters);
+    let grown = (charge.factor.unwrap() - 1.0) * before[0];
+    for k in 0..2 {
+        assert!(((after[k] - before[k]) / grown - 1.0).abs() < 1e-9, "filter {k}");
+    }
+    assert_eq!(starts(&filters), [0, 0]);
+}

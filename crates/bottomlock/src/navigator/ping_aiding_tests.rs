@@ -6,6 +6,7 @@ use crate::filter::options::Options;
 use crate::frames::Vec3;
 use crate::mechanisation::ImuSample;
 use crate::model::Model;
+use crate::navigator::METHODS;
 use crate::navigator::events::Event;
 use crate::state::NavState;
 
@@ -86,4 +87,22 @@ fn accepted_beams_are_confirmed() {
         confirmed.push(navigator.confirmed);
     }
     assert_eq!(confirmed, [beams([0, 1, 2]), BeamMask::all(4)]);
+}
+
+/// Innovations are those of the beams in the methods that pass on all that these measure: a lasting mean of the others may be their
+/// assumption's.
+#[test]
+fn innovations_of_lossless_methods_are_those_of_the_beams() {
+    let as_tight = |exact: bool| -> Vec<_> {
+        let measures = |aiding| {
+            let mut navigator = at_rest();
+            navigator.aiding = aiding;
+            navigator.options.assumptions.exact_virtual_beams = exact;
+            navigator.measures_as_tight()
+        };
+        let methods = METHODS.iter().filter(|method| measures(method.aiding));
+        methods.map(|method| method.name).collect()
+    };
+    assert_eq!(as_tight(false), ["tc", "info", "sway_current"]);
+    assert_eq!(as_tight(true), ["tc", "vb", "info", "sway_current"]);
 }
