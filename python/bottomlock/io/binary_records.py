@@ -1,6 +1,7 @@
 """Binary records behind false starts, cut from a file or a stream that comes in any pieces."""
 
 import datetime as dt
+from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -30,10 +31,14 @@ def word_at(data: bytes, at: int) -> int:
     return int.from_bytes(data[at : at + 2], "little")
 
 
-def sum_fits(record: bytes) -> bool:
-    """Whether a record ends with the 16-bit sum of its other bytes."""
-    total = np.frombuffer(record, np.uint8, len(record) - 2).sum(dtype=np.int64)
-    return int(total) & 0xFFFF == word_at(record, len(record) - 2)
+Fits = Callable[[int, int], bool]
+"""Whether the checksum of what stands between two places of some bytes is right."""
+
+
+def sum_fits(data: bytes) -> Fits:
+    """Of pieces that end with the 16-bit sum of their other bytes; each byte is summed once."""
+    sums = [0, *np.cumsum(np.frombuffer(data, np.uint8), dtype=np.int64).tolist()]
+    return lambda start, end: (sums[end - 2] - sums[start]) & 0xFFFF == word_at(data, end - 2)
 
 
 def calendar_ns(fields: list[int], part_ns: int) -> int | None:
@@ -65,13 +70,13 @@ class Framing:
         what: a record's name.
         size: bytes of the record whose header stands at a place of some bytes; 0 where none stands there, None where
             more bytes are needed to tell.
-        fits: whether the checksum of a record is right.
+        fits: makes the test of the checksums in some bytes.
     """
 
     mark: bytes
     what: str
     size: Callable[[bytes, int], int | None]
-    fits: Callable[[bytes], bool]
+    fits: Callable[[bytes], Fits]
 
     def of(self, data: bytes) -> list[bytes]:
         """The whole records of some bytes."""
@@ -89,7 +94,7 @@ class Binary(Framer):
         super().__init__()
         self._framing = framing
         self._buffer, self._base, self._searched = b"", 0, 0
-        self._open: dict[int, int] = {}
+        self._open = OrderedDict[int, int]()
         """Begin and end of what may be a record, in order."""
         self._damaged: set[int] = set()
         self._reach = self._taken = 0
@@ -106,13 +111,15 @@ class Binary(Framer):
         self._buffer += data
         self._search(last=last)
         found, length = [], self._base + len(self._buffer)
-        for end, start in sorted((end, start) for start, end in self._open.items() if end <= length):
-            if start not in self._open or start in self._damaged:
+        ready = [(end, start) for start, end in self._open.items() if end <= length]
+        fits = self._framing.fits(self._buffer) if ready else None
+        for end, start in sorted(ready):
+            if fits is None or start not in self._open or start in self._damaged:
                 continue
-            record = self._buffer[start - self._base : end - self._base]
-            if self._framing.fits(record):
+            begin, stop = start - self._base, end - self._base
+            if fits(begin, stop):
                 self._take(start, end, account)
-                found.append((start, record))
+                found.append((start, self._buffer[begin:stop]))
             else:
                 self._damaged.add(start)
         while self._open and (last or next(iter(self._open)) in self._damaged):
@@ -144,14 +151,17 @@ class Binary(Framer):
 
     def _take(self, start: int, end: int, account: Account) -> None:
         """Takes a whole record; what began before it and goes on is damaged."""
-        for other, stop in [one for one in self._open.items() if one[0] < start]:
-            self._lose(other, account, "bad checksum", f"{stop - other} bytes", start)
+        while self._open and (first := next(iter(self._open))) < end:
+            if first < start:
+                what = f"{self._open[first] - first} bytes"
+                self._lose(first, account, "bad checksum", what, start)
+            else:
+                del self._open[first]
+                self._damaged.discard(first)
         self._skip_to(start, account)
         account.read += 1
         self._taken += end - start
         self._reach, self._searched = end, max(self._searched, end)
-        self._open = {begin: stop for begin, stop in self._open.items() if begin >= end}
-        self._damaged &= self._open.keys()
 
     def _lose(self, start: int, account: Account, why: str, detail: str, most: int) -> None:
         """Counts what is no whole record, up to a place at most."""

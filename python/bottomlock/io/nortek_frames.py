@@ -6,7 +6,7 @@ checksum starts from 0xB58C and adds little-endian words; an odd last byte count
 
 import numpy as np
 
-from bottomlock.io.binary_records import Framing, calendar_ns, word_at
+from bottomlock.io.binary_records import Fits, Framing, calendar_ns, word_at
 
 _LEAST, _MOST = 10, 64
 BURST_AD2CP, AVERAGE_AD2CP, BOTTOM_AD2CP = 0x15, 0x16, 0x17
@@ -51,7 +51,16 @@ def _size(data: bytes, at: int) -> int | None:
     return size + word_at(data, at + 4) if fits else 0
 
 
-FRAMING = Framing(b"\xa5", "record", _size, lambda record: _sum(record[record[1] :]) == word_at(record, 6))
+def _fits(data: bytes) -> Fits:
+    """Of the data of records."""
+
+    def fits(start: int, end: int) -> bool:
+        return _sum(data[start + data[start + 1] : end]) == word_at(data, start + 6)
+
+    return fits
+
+
+FRAMING = Framing(b"\xa5", "record", _size, _fits)
 """How a stream or a file is cut; id and family of a record are its third and fourth byte."""
 
 

@@ -48,8 +48,11 @@ def _size(data: bytes, at: int) -> int | None:
     """Of the ensemble that seems to begin at a place: two sync bytes, a table of offsets, and a leader behind it."""
     if at + 8 > len(data):
         return None
-    first, size = 6 + 2 * data[at + 5], word_at(data, at + 2)
-    if first == 6 or word_at(data, at + 6) != first or first + 2 > size:
+    first = 6 + 2 * data[at + 5]
+    if first == 6 or word_at(data, at + 6) != first:
+        return 0
+    size = word_at(data, at + 2)
+    if first + 2 > size:
         return 0
     leader = data[at + first : at + first + 2]
     if len(leader) < 2:

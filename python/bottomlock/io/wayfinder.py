@@ -57,7 +57,7 @@ class _Decoder(RecordDecoder):
             self.account.pass_by("packet without data", position)
             return
         content = data[_HEAD + _APPLICATION : -2]
-        if len(content) < _LEAST or not sum_fits(content):
+        if len(content) < _LEAST or not sum_fits(content)(0, len(content)):
             self.account.skip("data of another layout", position, f"{len(content)} bytes")
             return
         f = np.frombuffer(content, _CONTENT, 1)[0]
