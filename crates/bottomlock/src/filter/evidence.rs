@@ -16,6 +16,7 @@
 //!   and a position else, all of them, since a wrong velocity most often comes from a wrong tilt. A position whose difference moves
 //!   faster than the velocity's covariance allows shows a wrong velocity, whatever beams were accepted: one or two measure but a
 //!   part of it. What goes beyond five sigma is no error of the tilt and goes to the measured states alone.
+//! - An error that lasts below every gate is evidence by the mean of what was accepted (`lasting.rs`).
 //! - No evidence: beams that contradict each other whatever the covariance; readings that do not agree from one to the next;
 //!   assumptions.
 //!

@@ -98,10 +98,15 @@ impl Eskf {
         self.lasting.take(&score, &(weighted * h), self.state.time_ns);
     }
 
+    /// Begins anew.
+    pub(crate) fn forget_lasting(&mut self) {
+        *self.lasting = LastingTest::default();
+    }
+
     /// Charges the inertial states with an error that lasts, where the innovations since the last charge show one.
     pub(crate) fn charge_lasting(&mut self) -> Option<Charge> {
         let ratio = self.lasting.ratio?;
-        *self.lasting = LastingTest::default();
+        self.forget_lasting();
         self.propagate_covariance();
         let charged = std::array::from_fn(|k| (ATTITUDE..DVL_BIAS).contains(&k));
         let factor = ratio.min(FIVE_SIGMA_FACTOR).min(self.largest_factor(&charged)).max(1.0);

@@ -197,7 +197,9 @@ impl DualFilter {
         let mut report = self.update(sensor, innovation_of)?;
         if report.verdict != Verdict::Rejected {
             self.measurements_only.note_accepted(sensor);
-            if let Some(charge) = self.charge_lasting() {
+            if sensor == Sensor::Velocity
+                && let Some(charge) = self.charge_lasting()
+            {
                 charge.note_in(&mut report);
             }
             return Ok(report);
@@ -219,6 +221,11 @@ impl DualFilter {
             filter.charge(&charge);
         }
         Some(charge)
+    }
+
+    /// Begins the test for an error that lasts anew, after innovations that a method's assumption is part of.
+    pub(crate) fn forget_lasting(&mut self) {
+        self.measurements_only.forget_lasting();
     }
 
     /// Counts a rejection by the filter on the measurements alone, as [`Eskf::note_rejected`]; returns what has become uncertain where

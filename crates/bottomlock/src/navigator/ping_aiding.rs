@@ -3,6 +3,7 @@
 use super::{BeamAiding, Navigator, tight_innovation};
 use crate::aiding::outliers;
 use crate::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
+use crate::dvl::partial::PartialMethod;
 use crate::error::NavError;
 use crate::filter::Eskf;
 use crate::filter::charge::Charge;
@@ -39,7 +40,9 @@ impl Navigator {
         }
         if outcome.as_ref().is_some_and(UpdateReport::was_used) {
             self.confirmed = self.confirmed.or(left.valid);
-            if charge.is_none() && self.measures_as_tight() {
+            if !self.assumes_nothing() {
+                self.filters.forget_lasting();
+            } else if charge.is_none() {
                 charge = self.filters.charge_lasting();
             }
         }
@@ -69,10 +72,10 @@ impl Navigator {
     }
 
     /// Whether the innovations of pings are those of the beams themselves, without a method's assumption.
-    fn measures_as_tight(&self) -> bool {
+    fn assumes_nothing(&self) -> bool {
         match self.aiding {
             BeamAiding::Tight | BeamAiding::SwayCurrent => true,
-            BeamAiding::Loose(method) => self.is_lossless(method),
+            BeamAiding::Loose(method) => method == PartialMethod::LeastSquares || self.is_lossless(method),
             BeamAiding::None | BeamAiding::Own(_) => false,
         }
     }
