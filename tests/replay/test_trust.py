@@ -350,7 +350,7 @@ def test_a_sensor_that_contradicts_the_method_is_a_doubt(row: SensorRow, answer:
 
 
 @pytest.mark.parametrize(
-    ("name", "word"), [("imu", "of a part of the dive"), ("reference", "of a part of the dive"), ("ahrs", "")]
+    ("name", "word"), [("imu", "a part of the dive"), ("reference", "a part of the dive"), ("ahrs", "")]
 )
 def test_a_file_that_ends_early_keeps_an_answer_from_yes(tmp_path: Path, name: str, word: str) -> None:
     """Half of the IMU, or of the reference at whose times it is, leaves half of the dive without a track."""

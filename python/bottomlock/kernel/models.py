@@ -499,7 +499,7 @@ class FilterKeys(BaseModel):
     gate_probability: Annotated[float, Field(gt=0, lt=1), _ONE] = 0.9973
     """probability with which a good measurement passes"""
     inflate_after_rejections: Annotated[int, Field(ge=0, le=1_000_000), _ONE] = 5
-    """rejections of a sensor in a row before the covariance is inflated; 0 never"""
+    """rejections of a sensor in a row before the covariance is inflated; 0 never, nor by the mean of pings"""
     estimate_dvl: bool = True
     """whether beam biases and scale factor are states (20), or frozen (15)"""
     information_port: Literal["axes", "full"] = "axes"

@@ -22,7 +22,8 @@ pub struct Options {
     pub gate: Gate,
     /// Probability with which a good measurement passes the joint gate.
     pub gate_probability: f64,
-    /// Number of consecutive rejections by a sensor after which the covariance is inflated; 0 for never.
+    /// Number of consecutive rejections by a sensor after which the covariance is inflated; 0 for never, nor by the
+    /// mean of what is accepted.
     pub inflate_after_rejections: u32,
     /// Interval of the covariance propagation, ns; 0 for every IMU step.
     pub covariance_period_ns: i64,
