@@ -90,7 +90,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.0, 1.5, 0.88), ("all", 5.3, 1.9, 1.02)]
+    ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.3, 1.5, 0.89), ("all", 5.7, 2.0, 0.99)]
 )
 def test_factors_of_the_page(
     ends: dict[str, Floats], corrects: str, factor: float, least: float, over_sigma: float

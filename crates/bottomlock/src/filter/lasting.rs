@@ -6,7 +6,8 @@
 //! windows θ, λ = exp(−Δt/θ), u ← λ u + s and U ← λ² U + J, the length uᵀ U⁻¹ u is chi-squared with three degrees of freedom,
 //! or as many as the beams determine. It first passes a threshold l at the rate l^(3/2) exp(−l/2) √(2/π)/θ (the
 //! Ornstein–Uhlenbeck process in three dimensions for large l; in steps it passes more rarely). The thresholds give each window
-//! 1e-5 per second, as those of the slip (`slip_test.rs`): all of them one false alarm in seven hours at most.
+//! 1e-7 per second, as the short ones of the slip (`slip_test.rs`): all of them one false alarm in a month at most. At 1e-5 readings
+//! that are a tenth noisier than stated raise one in minutes, and a step is noticed a few pings sooner.
 //!
 //! What lasts is an inertial reading that has changed, a misalignment, a sensor's noise that is not white. The covariance of the
 //! inertial states grows by the ratio of the length to what it is expected to be, as by a run of rejected velocities
@@ -30,7 +31,7 @@ const WINDOWS: usize = 4;
 /// Time constants of the windows, s.
 const WINDOW_S: [f64; WINDOWS] = [1.0, 4.0, 16.0, 64.0];
 /// Thresholds of the windows.
-const THRESHOLD: [f64; WINDOWS] = [33.07, 30.006, 26.906, 23.761];
+const THRESHOLD: [f64; WINDOWS] = [43.073, 40.085, 37.079, 34.05];
 /// Part of the mean information below which a direction has none.
 const UNDETERMINED: f64 = 1e-6;
 

@@ -16,20 +16,20 @@ use crate::state::NavState;
 
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// Thresholds are passed at 1e-5 per second: l^(3/2) exp(−l/2) √(2/π)/θ.
+/// Thresholds are passed at 1e-7 per second: l^(3/2) exp(−l/2) √(2/π)/θ.
 #[test]
 fn thresholds_give_each_window_its_rate() {
     for (window_s, threshold) in WINDOW_S.into_iter().zip(THRESHOLD) {
         let rate = threshold.powf(1.5) * (-threshold / 2.0_f64).exp() * (2.0 / std::f64::consts::PI).sqrt() / window_s;
-        assert!((rate / 1e-5 - 1.0).abs() < 1e-3, "{window_s}: {rate}");
+        assert!((rate / 1e-7 - 1.0).abs() < 1e-3, "{window_s}: {rate}");
     }
 }
 
 /// By hand, a score s along one axis of information 1, twice, a second apart: the window of 1 s has (1 + e⁻¹)² s²/(1 + e⁻²), that of
-/// 64 s 1.984² s²/1.969; 33.07 and 23.76 are passed from s = 4.48 and 3.45 on.
+/// 64 s 1.984² s²/1.969; 43.07 and 34.05 are passed from s = 5.11 and 4.13 on.
 #[test]
 fn sums_fade_with_their_windows() {
-    for (score, ratio) in [(3.44, None), (3.46, Some(2.0 / 3.0)), (4.6, Some(2.0 / 3.0))] {
+    for (score, ratio) in [(4.12, None), (4.14, Some(2.0 / 3.0)), (5.2, Some(2.0 / 3.0))] {
         let mut test = LastingTest::default();
         for time_ns in [0, SECOND_NS] {
             test.take(
@@ -52,8 +52,8 @@ fn sums_fade_with_their_windows() {
     }
 }
 
-/// White innovations of unit information in 20,000 s at 5 Hz pass no threshold more often than stated (0.8 in the mean, less in
-/// steps); a mean of a third of their sigma does within a minute.
+/// White innovations of unit information in 20,000 s at 5 Hz pass no threshold (stated: 0.008 times); a mean of a third of their sigma does
+/// within two minutes.
 #[test]
 fn white_innovations_are_none_and_a_mean_is() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
@@ -69,8 +69,8 @@ fn white_innovations_are_none_and_a_mean_is() {
         }
         count
     };
-    assert!(alarms(0.0, 100_000) <= 3);
-    assert!(alarms(1.0 / 3.0, 300) >= 1);
+    assert_eq!(alarms(0.0, 100_000), 0);
+    assert!(alarms(1.0 / 3.0, 600) >= 1);
 }
 
 /// A velocity one sigma of its innovation off along x, each second, until the sum is noticed.
@@ -96,13 +96,13 @@ fn noticed(inflate_after_rejections: u32) -> (Eskf, Covariance, Option<Charge>) 
     (filter, before, None)
 }
 
-/// Misalignment, velocity and inertial biases grow by one factor, above 24/3 and at most 25; position and instrument stay. The
+/// Misalignment, velocity and inertial biases grow by one factor, above 34/3 and at most 25; position and instrument stay. The
 /// test begins anew.
 #[test]
 fn an_error_that_lasts_is_charged_to_the_inertial_states() {
     let (mut filter, before, charge) = noticed(5);
     let factor = charge.unwrap().factor.unwrap();
-    assert!(factor > 23.0 / 3.0 && factor <= FIVE_SIGMA_FACTOR, "{factor}");
+    assert!(factor > 34.0 / 3.0 && factor <= FIVE_SIGMA_FACTOR, "{factor}");
     let after = filter.covariance();
     for k in 0..DIM {
         let expected = if (ATTITUDE..DVL_BIAS).contains(&k) { factor } else { 1.0 };
