@@ -202,7 +202,7 @@ def test_the_states_are_as_sure_as_they_claim(name: str) -> None:
 
 @EACH_WORLD
 def test_velocity_and_attitude_follow(name: str) -> None:
-    """Seen of 6, over 100 runs: docs/calibration.md; without the states 120 and 301."""
+    """Seen of 6, over 100 runs: docs/calibration.md; without the states 160 and 302."""
     found = flown(name)
     for nees in (found.with_states, found.smoothed):
         low, high = chi_squared.mean_band(nees, 6, PROBABILITY)
