@@ -42,9 +42,11 @@ def _sum(data: bytes) -> int:
 
 def _size(data: bytes, at: int) -> int | None:
     """Of the record whose header, with a checksum that fits, stands at a place."""
-    size = data[at + 1] if at + 1 < len(data) else None
-    if size is None or not _LEAST <= size <= _MOST:
-        return None if size is None else 0
+    if at + 1 >= len(data):
+        return None
+    size = data[at + 1]
+    if not _LEAST <= size <= _MOST:
+        return 0
     if at + size > len(data):
         return None
     fits = _sum(data[at : at + size - 2]) == word_at(data, at + size - 2)
