@@ -41,11 +41,16 @@ QUOTED = "\n".join(",".join(f'"{cell.replace(".", ",")}"' for cell in row) for r
         (QUOTED, 40, ""),
         ("Logger v2.1\nSerial: 7, port 3, firmware 5\n\n" + PLAIN, 40, ""),
         (PLAIN[:-9], 39, "1 lines are cut off or repeat the names, the first of them line 41: they are left out"),
+        (QUOTED[:-3], 39, "line 41"),
+        (PLAIN.replace("\n", "\r"), 40, ""),
+        (PLAIN.replace("\n", ",\n").replace("vy,", "vy"), 40, ""),
+        (lines(PLAIN, "1764000\0\0\0", at=20), 40, "line 21"),
         (lines(PLAIN, "$$#%&!!", at=20), 40, "line 21"),
         (lines(PLAIN, ",".join(NAMES), at=20), 40, "line 21"),
         (PLAIN.replace("0.600,", "N/A,"), 40, "1 cells of vx are no numbers ('N/A')"),
     ],
-    ids=["UTF-16", "comma and space", "quoted decimal commas", "lines above", "cut off", "garbage", "names", "N/A"],
+    ids=["UTF-16", "comma and space", "quoted decimal commas", "lines above", "cut off", "cut off in quotes",
+         "carriage returns", "closing commas", "zeros", "garbage", "names", "N/A"],
 )  # fmt: skip
 def test_is_read_and_written_again(tmp_path: Path, content: str | bytes, rows: int, said: str) -> None:
     """A replay's reader takes none of them as it is, so that the case needs a table of its own."""
@@ -164,3 +169,32 @@ def test_without_an_imu_the_attitude_is_the_start(tmp_path: Path) -> None:
     pl.DataFrame({"time_s": seconds} | velocity).write_csv(tmp_path / "dvl.csv")
     case = load_case(make_case([tmp_path / "ahrs.csv", tmp_path / "dvl.csv"], tmp_path / "case.toml").case)
     assert (case.start.level, case.start.heading) == ("attitude", "attitude")
+
+
+def test_a_table_of_all_sensors_holds_a_dvl_beside_its_positions(tmp_path: Path) -> None:
+    """Beside raw inertial readings a velocity is a sensor's; beside positions alone it is that of an estimate."""
+    columns = ["time_s", "ax", "ay", "az", "gx", "gy", "gz", "vx", "vy", "vz", "latitude", "longitude"]
+    frame = pl.DataFrame({name: np.arange(60.0) for name in columns})
+    of_logger, of_estimate = (
+        [one.kind for one in find_streams(AnyTable(tmp_path / "log.csv", table, plain=True, units={}))]
+        for table in (frame, frame.drop("ax"))
+    )
+    assert of_logger == ["imu", "velocity", "geodetic"]
+    assert of_estimate == ["geodetic"]
+
+
+@pytest.mark.parametrize(("content", "rows"), [("", 0), ("time_s,latitude,longitude\n", 1)])
+def test_a_file_without_rows_says_so(tmp_path: Path, content: str, rows: int) -> None:
+    with pytest.raises(DataError, match="no rows") as caught:
+        read(tmp_path / "gps.csv", content)
+    assert f"{rows} lines" in str(caught.value)
+
+
+def test_a_duration_is_a_time(tmp_path: Path) -> None:
+    """A replay's reader takes numbers: the table is written again."""
+    frame = pl.DataFrame({"time": pl.Series(range(60), dtype=pl.Duration("us")), "vx": np.zeros(60)})
+    times = table_times(AnyTable(tmp_path / "dvl.parquet", frame, plain=True, units={}), "dvl")
+    assert times.time_ns is not None
+    assert times.time_ns[:3].tolist() == [0, 1000, 2000]
+    assert not times.column
+    assert not times.epoch

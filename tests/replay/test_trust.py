@@ -127,11 +127,18 @@ NOISY = Finding("beam_noise", "warning", 1.0, "The beams are noisy.", "", "Claim
 SIGN = Finding("gyro_sign", "fault", 1.0, "The sign is wrong.", "", "Change it.", "imu.axes")
 
 
-@pytest.mark.parametrize(("cause", "method"), [(UNIT, METHOD), (TILT, ""), (SIGN, "")])
-def test_no_begins_with_the_cause(cause: Finding, method: str) -> None:
-    """Dead reckoning is the answer where the cause is not one of its own."""
-    verdict, state = verdict_finding(SEEN, cause, FAR)
-    answer = answer_of(evidence(verdict=verdict, state=state, causes=(cause,), agreements=(FAR,)))
+BOTH_OFF = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, 300.0, 290.0)
+"""The reference contradicts dead reckoning, too."""
+
+
+@pytest.mark.parametrize(
+    ("cause", "agreement", "method"),
+    [(UNIT, FAR, METHOD), (TILT, FAR, ""), (SIGN, FAR, ""), (UNIT, BOTH_OFF, "")],
+)
+def test_no_begins_with_the_cause(cause: Finding, agreement: Agreement, method: str) -> None:
+    """Dead reckoning is the answer where the cause is not one of its own, and no reference contradicts it."""
+    verdict, state = verdict_finding(SEEN, cause, agreement)
+    answer = answer_of(evidence(verdict=verdict, state=state, causes=(cause,), agreements=(agreement,)))
     assert (answer.verdict, answer.sentence, answer.change, answer.method) == (
         "no", cause.text, cause.hint, method
     )  # fmt: skip
@@ -205,20 +212,22 @@ def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: 
     [
         (3.9, 16.1, "partly", "tc"),
         (None, None, "no", METHOD),
-        (16.1, 16.1, "no", METHOD),
-        (14.0, 20.0, "no", METHOD),
+        (16.1, 3.0, "no", METHOD),
+        (16.1, 16.1, "no", ""),
+        (14.0, 20.0, "no", ""),
     ],
 )
 def test_a_reference_that_confirms_the_method_alone_clears_it(
     rms_m: float | None, reckoned_rms_m: float | None, verdict: str, method: str
 ) -> None:
-    """A compass that stood still: dead reckoning is 29 m away, and the wrong one."""
+    """A compass that stood still: dead reckoning is 29 m away, and wrong. It is never taken where it is."""
     apart = Agreement("tc", 29.0, 6.9, 20.0, 4.0, 1.0, rms_m, reckoned_rms_m, 1.4)
     first, state = verdict_finding(SEEN, None, apart)
     answer = answer_of(
         evidence(verdict=first, state=state, agreements=(apart,), methods=("tc",), reference=AGREES)
     )
     assert (answer.verdict, answer.method) == (verdict, method)
+    assert (METHOD in answer.change) == (method == METHOD)
 
 
 UNEXPLAINED = Finding("unexplained", "fault", 1.0, "Nothing explains it.", "", "Check.", "")
@@ -249,6 +258,19 @@ def test_a_mistake_that_has_not_moved_the_track_is_a_doubt(
         evidence(verdict=first, state=state, causes=(cause,), agreements=(agreement,), reference=reference)
     )
     assert found.verdict == verdict
+
+
+def test_a_mistake_is_held_against_the_claim_of_the_track_to_take() -> None:
+    """A filter that claims next to nothing excuses no scale of dead reckoning, which is taken in its place."""
+    cause, vague = replace(TILT, kind="scale", size=0.1), replace(NEAR, sd_m=30.0)
+    first, state = verdict_finding(SEEN, cause, vague)
+    claims = {"tc": 30.0, METHOD: 1.0}
+    found = answer_of(
+        evidence(
+            verdict=first, state=state, causes=(cause,), agreements=(vague,), methods=("tc",), sd_m=claims
+        )
+    )
+    assert (found.verdict, found.method) == ("no", "")
 
 
 def test_claims_that_the_reference_refutes_are_a_no() -> None:

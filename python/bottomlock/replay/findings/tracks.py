@@ -92,6 +92,11 @@ class Agreement:
         return self.rms_m > near_m and self._reckoned_fits
 
     @property
+    def reckoned_refuted(self) -> bool:
+        """Whether the reference contradicts dead reckoning."""
+        return self.reckoned_rms_m is not None and not self._reckoned_fits
+
+    @property
     def _reckoned_fits(self) -> bool:
         """Whether its claim and the reference's noise explain the error of dead reckoning."""
         explained_m = REFERENCE_SIGMAS * math.hypot(self.reckoned_sd_m, self.reference_sd_m)

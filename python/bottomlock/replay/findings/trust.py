@@ -249,6 +249,7 @@ def answer_of(evidence: Evidence) -> Answer:
     if evidence.state == WRONG or faulty or _refuted(evidence):
         first = cause or evidence.verdict
         reckons = evidence.reckoned and (cause is None or cause.kind in OF_FILTERS_ALONE)
+        reckons &= not any(one.reckoned_refuted for one in evidence.agreements)
         return Answer("no", first.text, numbers, first.hint, METHOD if reckons else "", *further)
     method = recommended(evidence)
     for sentence, change in _reasons(evidence):
@@ -335,7 +336,8 @@ def _confirmed(evidence: Evidence, cause: Finding | None = None) -> bool:
         return False
     if evidence.reference is not None:
         return evidence.reference.agrees
-    return cause is None or cause.size * evidence.reach_m <= REFERENCE_SIGMAS * evidence.sd_taken_m
+    sd_m = evidence.sd_m.get(recommended(evidence), 0.0)
+    return cause is None or cause.size * evidence.reach_m <= REFERENCE_SIGMAS * sd_m
 
 
 def _refuted(evidence: Evidence) -> bool:

@@ -115,8 +115,9 @@ def verdict_finding(
     likeliest = "" if cause is None else f"The likeliest cause: {cause.text} {cause.hint}"
     if agreement is not None and (agreement.leaves or agreement.lost):
         state, severity, text = WRONG, "fault", departure(agreement)
-        advice = likeliest or (
-            "No single cause stands out: check units, start, mounting, axes and clock. Until then take dead_reckoning."
+        until = "" if agreement.reckoned_refuted else " Until then take dead_reckoning."
+        advice = (
+            likeliest or f"No single cause stands out: check units, start, mounting, axes and clock.{until}"
         )
     elif seen.rejected > WRONG_REJECTED or seen.ratio > WRONG_RATIO:
         state, severity, text = WRONG, "fault", "Something is wrong: the beams do not fit the navigation."

@@ -22,6 +22,8 @@ _TIMES_ITS_SIZE = 8.0
 """Memory that reading a text takes, over its size."""
 _SUFFIXES = {".parquet", ".pq"}
 _COMMENTS = ("#", "%", "//")
+MOST_ZEROS = 0.01
+"""Part of the bytes that are zero from which a file is no text; a logger that loses its power leaves some."""
 NAMES = (
     "name them as ax, ay, az, wx, wy, wz (IMU), roll, pitch, yaw, depth, latitude, longitude, vx, vy, vz or "
     "beam1_mps ..., with time"
@@ -87,10 +89,12 @@ def read_any_table(path: Path) -> AnyTable:
     except OSError as error:
         raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
     raw = utf8(written)
-    if b"\0" in raw[:_HEAD]:
+    if raw[:_HEAD].count(b"\0") > MOST_ZEROS * len(raw[:_HEAD]):
         raise DataError("holds binary data of no known format", place=path)
+    # A replay's reader takes no zeros, and a carriage return alone for no end of a line.
+    plain, raw = written.endswith(raw) and b"\n" in raw and b"\0" not in raw, raw.replace(b"\0", b"")
     try:
-        text, plain = raw.decode("utf-8"), written.endswith(raw)
+        text = raw.decode("utf-8")
     except UnicodeDecodeError:
         text, plain = raw.decode("latin-1"), False
     return _read_text(path, text, plain=plain)
@@ -100,8 +104,11 @@ def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
     lines = text.splitlines()
     rows = [k for k, line in enumerate(lines[:400]) if line.strip()]
     data = [k for k in rows if not lines[k].lstrip().startswith(_COMMENTS)]
+    if len(data) < 2:
+        found = f"has no rows: {len(data)} lines that are no comment"
+        raise DataError(found, place=path, hint="leave the file out")
     cut = _separator([lines[k] for k in data[:60]])
-    if cut is None or len(data) < 2:
+    if cut is None:
         raise DataError(
             (
                 "is in no format that `bottomlock convert` knows and is no table: expected two or "
@@ -110,6 +117,9 @@ def _read_text(path: Path, text: str, *, plain: bool) -> AnyTable:
             place=path,
         )
     separator, width = cut
+    closed = _closed(lines, data, separator, width)
+    if closed:
+        lines, width, plain = [line.rstrip().removesuffix(separator) for line in lines], width - 1, False
     names_at, units_at, first_row = _head_lines(lines, data, separator, width)
     header = _header(path, lines, rows, names_at, first_row, separator, width)
     units: dict[str, str] = {}
@@ -172,6 +182,13 @@ def _separator(lines: list[str]) -> tuple[str, int] | None:
             fitting.append((separator, width))
     agreeing = [one for one in fitting if _count(_above(lines, *one), one[0]) == one[1]]
     return next(iter([*agreeing, *fitting]), None)
+
+
+def _closed(lines: list[str], data: list[int], separator: str, width: int) -> bool:
+    """Whether a separator stands behind the last value of every row, and not behind the last name."""
+    rows = [lines[k].rstrip() for k in data if _count(lines[k], separator) == width]
+    above = _above([lines[k] for k in data], separator, width)
+    return _count(above, separator) == width - 1 and all(row.endswith(separator) for row in rows)
 
 
 def _above(lines: list[str], separator: str, width: int) -> str:
@@ -261,7 +278,7 @@ def _whole_lines(
     ]  # fmt: skip
     short = [k for k, line in below if _count(line, separator) < width]
     damaged = set(short) if len(short) <= max(FEW_SHORT * len(below), 1) else set()
-    damaged |= {k for k, line in below if line == names}
+    damaged |= {k for k, line in below if line == names or line.count('"') % 2}
     if not damaged:
         return [line for _, line in below], ""
     words = f"{len(damaged)} lines are cut off or repeat the names, the first of them line {min(damaged)}"

@@ -199,6 +199,11 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
     if velocity is None and {"surge", "sway", "heave"} <= single.keys():
         velocity = (single["surge"], single["sway"], single["heave"])
     body = {f"v{k}": velocity[k] for k in range(3)} if velocity else {}
+    moving = "velocity", body, {"valid": single["valid"]} if "valid" in single else {}
+    if body and groups[names.FORCE]:
+        # A logger's table of all sensors; beside positions alone it is that of an estimate.
+        found.append(moving)
+        body = {}
     if {"latitude", "longitude"} <= single.keys():
         place = {"latitude": single["latitude"], "longitude": single["longitude"]}
         found.append(
@@ -209,8 +214,7 @@ def _others(table: AnyTable, groups: dict[str, tuple[str, ...] | None], single: 
         down = single.get("down", single.get("depth"))
         found.append(("local", place, ({} if down is None else {"down": down}) | beside | body))
     elif body:
-        valid = {"valid": single["valid"]} if "valid" in single else {}
-        found.append(("velocity", body, valid))
+        found.append(moving)
     depth = single.get("depth")
     if (
         depth is not None
@@ -297,9 +301,9 @@ def _stamps(table: AnyTable, kind: str) -> Times:
     candidates.sort(key=lambda one: ("stamp" not in one[0].lower(), one[1] == "", one[0].startswith("%")))
     for name, unit in candidates:
         series = frame[name]
-        if series.dtype == pl.Datetime:
+        if isinstance(series.dtype, (pl.Datetime, pl.Duration)):
             time_ns = np.asarray(series.dt.cast_time_unit("ns").cast(pl.Int64).to_numpy(), dtype=np.int64)
-            return Times(time_ns, why=f"dates of {name}", epoch=True)
+            return Times(time_ns, why=f"times of {name}", epoch=series.dtype == pl.Datetime)
         written = iso_times(series)
         if written is not None:
             return Times(written, why=f"dates of {name}", epoch=True)

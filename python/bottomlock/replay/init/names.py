@@ -44,7 +44,7 @@ _WHOLE = {
 }
 _OF_WHOLE = {name: quantity for quantity, names in _WHOLE.items() for name in names.split()}
 _TIME = {"time", "t", "timestamp", "stamp", "headerstamp", "sec", "seconds", "s", "utc", "datetime", "date", "epoch",
-         "unixtime", "zeit", "temps", "tiempo"}  # fmt: skip
+         "unixtime", "timeboot", "zeit", "temps", "tiempo"}  # fmt: skip
 _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec": "us", "µs": "us",
                "microseconds": "us", "ms": "ms", "msec": "ms", "milliseconds": "ms", "s": "s", "sec": "s",
                "secs": "s", "seconds": "s"}  # fmt: skip
@@ -91,15 +91,18 @@ def split_unit(name: str) -> tuple[str, str]:
 def time_unit(name: str, unit: str = "") -> str | None:
     """The unit of a column of times as its name states it; "" for one without unit, None for another quantity.
 
-    >>> [time_unit(name) for name in ("TimeUS", "t", "timestamp [ms]", "%time", "acc_x")]
-    ['us', '', 'ms', '', None]
+    >>> [time_unit(name) for name in ("TimeUS", "t", "time_boot_ms", "timestamp [ms]", "%time", "acc_x")]
+    ['us', '', 'ms', 'ms', '', None]
+    >>> time_unit("/dvl/header/stamp"), time_unit("dvl_stamp")
+    ('', None)
     """
     bare, own = split_unit(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+", bare.lower()) if token]
     while tokens:
         if "".join(tokens) in _TIME:
             return _TIME_UNITS.get((own or unit).lower(), "")
-        if tokens[0] not in _PREFIXES:
+        # A topic has names of its own before that of the field.
+        if tokens[0] not in _PREFIXES and not name.startswith("/"):
             return None
         tokens = tokens[1:]
     return None
@@ -138,7 +141,6 @@ Named(quantity='roll', component=0, unit='deg'))
         found = _by_tokens(tokens, unit)
         if found is not None:
             return found
-        # A topic has names of its own before that of the field.
         if tokens[0] not in _PREFIXES and not name.startswith("/"):
             return None
         tokens = tokens[1:]

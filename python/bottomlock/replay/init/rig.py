@@ -57,12 +57,14 @@ class Parts:
 
     @property
     def attitude_of_reference(self) -> bool:
-        """Whether the attitude is that of the reference, which must not aid what it judges."""
-        return (
-            self.attitude is not None
-            and self.reference is not None
-            and self.attitude.found.table is self.reference.found.table
-        )
+        """Whether the attitude is that of the reference, which must not aid what it judges.
+
+        In a logger's table of all sensors it is the sensor's own.
+        """
+        if self.attitude is None or self.reference is None:
+            return False
+        table = self.reference.found.table
+        return self.attitude.found.table is table and (self.imu.made or self.imu.found.table is not table)
 
 
 def recorded(imu: ImuPart, dvl: DvlPart, omega_p_radps: Floats | None = None) -> Recorded:
