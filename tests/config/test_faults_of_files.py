@@ -132,5 +132,5 @@ def test_a_changed_mission_is_checked_at_once() -> None:
 def test_what_is_no_number_is_not_made_one(value: str) -> None:
     """Neither true, which would be 1, nor a text that looks like a number."""
     text = (PACKAGED / "scenarios" / "slope.toml").read_text("utf-8")
-    with pytest.raises(ScenarioError, match=r"'thrust.rate_hz' is .*, expected a valid number Hz"):
+    with pytest.raises(ScenarioError, match=r"'thrust.rate_hz' is .*, expected number in Hz"):
         parse_scenario(f"{text}\n[thrust]\nrate_hz = {value}\n", place="slope")

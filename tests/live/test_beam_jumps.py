@@ -60,6 +60,20 @@ def test_a_vehicle_that_moved_is_taken_after_three_readings() -> None:
     assert one.kept(5 * SECOND, np.zeros(4), ALL, SD).all()
 
 
+def test_a_beam_that_sticks_stays_out() -> None:
+    """While the others tell it apart, and after that nothing is used: two that moved may be either's."""
+    one = made()
+    kept = [
+        one.kept(k * SECOND // 10, np.array([0.0, min(k, 1) * 0.4, 0.0, 0.0]), ALL, SD) for k in range(40)
+    ]
+    assert [valid.sum() for valid in kept[:21]] == [4] + 20 * [3]
+    assert not any(valid.any() for valid in kept[21:])
+    one = made()
+    one.kept(0, np.zeros(4), ALL, SD)
+    assert not one.kept(SECOND // 10, np.array([0.4, -0.3, 0.0, 0.0]), ALL, SD).any()
+    assert one.why == "no vehicle changes its velocity so: beam 1, 2, 3, 4 left out"
+
+
 @pytest.mark.parametrize(("lost", "most"), [((), 1.5), ((3,), 2.6)])
 def test_outliers_do_not_reach_the_ports(lost: tuple[int, ...], most: float) -> None:
     """2.7 % of the readings with twelve times the noise: error² over claim², 5 without any test.

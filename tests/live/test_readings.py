@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 
 import pytest
 
 from bottomlock.io.sentences import xor_of
-from bottomlock.live.readings import LineReader, MavlinkReader
+from bottomlock.live.readings import LineReader, MavlinkReader, PingReader
 from bottomlock.live.sections import DepthSection
 from bottomlock.recordings.readings import DepthReading, ImuReading
+from tests.live.world import World
 
 IMU = b"1000,0.1,-0.2,0.3,0.01,0.02,-9.81"
 
@@ -89,3 +91,20 @@ def test_mavlink() -> None:
         assert depth.depth_m == pytest.approx(100_552.5 / (1025.0 * 9.81), rel=1e-6)
         assert reader.records == 4
         assert reader.framer.dropped > 0
+
+
+def test_what_is_not_used_of_a_ping_is_counted() -> None:
+    """A time of sending that is none, a beam of 0 m/s without a distance, and a flag that is none."""
+    report = json.loads(next(World(0.1).dvl())[2])
+    report["time_of_transmission"] = 10**17
+    report["transducers"][0] |= {"velocity": 0.0, "distance": -1.0}
+    report["transducers"][1]["beam_valid"] = 1
+    reader = PingReader("waterlinked-json", 4)
+    (ping,) = reader.feed(json.dumps(report).encode() + b"\n")
+    assert ping.transmission_ns == ping.time_ns
+    assert ping.valid.tolist() == [False, False, True, True]
+    assert dict(reader.flagged) == {
+        "sent at a time that is not near its own": 1,
+        "velocity is a code for no reading": 1,
+        "transducer without beam_valid": 1,
+    }

@@ -33,6 +33,7 @@ def live_setup(
         names: Names under which the page may be asked beside addresses; .END: all that end so.
         networks: Networks, as 192.168.2.0/24, whose clients need no token.
     """
+    from bottomlock.ports.address import checked_host
     from bottomlock.setup.folder import SetupFolder
     from bottomlock.setup.process import LiveProcess
     from bottomlock.setup.server import SetupServer
@@ -43,6 +44,10 @@ def live_setup(
         known = [ipaddress.ip_network(network) for network in networks]
     except ValueError as error:
         raise ScenarioError(error, key="--networks", expected="networks as 192.168.2.0/24") from error
+    try:
+        checked_host(host)
+    except ValueError as error:
+        raise ScenarioError(error, key="--host") from error
     server = SetupServer(kept, process, host, port, names=names, networks=known, say=_say)
     asyncio.run(_serve(kept, process, server))
 

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from bottomlock import units
 from bottomlock.config.instrument_grades import Graded, one_of
@@ -41,7 +41,7 @@ class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
     them"""
     frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
     """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
-    yaw_offset_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    yaw_offset_deg: Annotated[float, Strict(), Field(ge=-360, le=360)] = 0.0
     """added to the yaw, for instance a declination"""
     aids: Literal["attitude", "heading", "nothing"] = "nothing"
     """what the filter uses of it; the alignment may use it in any case"""

@@ -66,7 +66,7 @@ def _sections(model: type[BaseModel], path: str, *, repeated: bool, left_out: st
         for one in inner:
             key, value = kind_of(one) if len(inner) > 1 else ("", "")
             words = f"for {key} = {toml_value(value)}" if key else _left_out(field)
-            inside, many = f"{path}.{name}" if path else name, _is_list(field.annotation)
+            inside, many = f"{path}.{name}" if path else name, is_list(field.annotation)
             yield from _sections(one, inside, repeated=many, left_out=words)
 
 
@@ -174,10 +174,11 @@ def kind_of(model: type[BaseModel]) -> tuple[str, str]:
     return key, get_args(model.model_fields[key].annotation)[0] if key else ""
 
 
-def _is_list(annotation: Any) -> bool:  # noqa: ANN401 - a type
+def is_list(annotation: Any) -> bool:  # noqa: ANN401 - a type
+    """Whether a type is a list of others, or may be one."""
     if get_origin(annotation) in {tuple, list}:
         return True
-    return any(_is_list(inner) for inner in get_args(annotation))
+    return any(is_list(inner) for inner in get_args(annotation))
 
 
 def _left_out(field: FieldInfo) -> str:

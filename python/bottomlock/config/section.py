@@ -105,7 +105,13 @@ def _settings_of(key: str) -> tuple[tuple[str, ...], Callable[[float], float] | 
 
 
 def in_folder(named: Named, info: ValidationInfo) -> Named:
-    """A file as it is found from the folder of the file that names it, where one does."""
+    """A file as it is found from the folder of the file that names it, where one does.
+
+    Raises:
+        ValueError: for a name that no file has.
+    """
+    if "\0" in str(named):
+        raise ValueError(f"{str(named)!r} is no name of a file, expected one without a character of code 0")
     folder = (info.context or {}).get("folder")
     return named if folder is None else type(named)(folder / named)
 
@@ -176,7 +182,7 @@ class Outliers(Section):
 
     outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of the readings that are outliers; the filter does not model them"""
-    outlier_factor: Annotated[float, Field(ge=1, allow_inf_nan=False), shown(unit="1")] = 10.0
+    outlier_factor: Annotated[float, Strict(), Field(ge=1, allow_inf_nan=False), shown(unit="1")] = 10.0
     """noise of an outlier over that of a good reading"""
 
 
@@ -202,11 +208,11 @@ class SensorErrors(Section):
 class Mounting(Section):
     """How a sensor's axes stand to those of the platform."""
 
-    mounting_roll_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    mounting_roll_deg: Annotated[float, Strict(), Field(ge=-180, le=180)] = 0.0
     """rotation from instrument to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Field(ge=-90, le=90)] = 0.0
+    mounting_pitch_deg: Annotated[float, Strict(), Field(ge=-90, le=90)] = 0.0
     """rotation from instrument to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    mounting_yaw_deg: Annotated[float, Strict(), Field(ge=-360, le=360)] = 0.0
     """rotation from instrument to platform axes: yaw"""
 
     @property

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from bottomlock.config.key_reference import key_of, kind_of, located, section_models, section_paths
+from bottomlock.config.key_reference import is_list, key_of, kind_of, located, section_models, section_paths
 from bottomlock.config.section import unit_of
 from bottomlock.errors import ScenarioError
 from bottomlock.text import guess, nearest
@@ -20,12 +20,10 @@ _BOUNDS = {
 }
 _OF_TYPES = ("normal", "constrained-float", "literal", "function")
 """What pydantic puts into the path of a key for one of its types."""
-_UNPARSED = ", unable to parse string as a number"
-"""What pydantic adds of a text in place of a number, which says no more."""
 
 
-def _missing(key: str, section: type[BaseModel]) -> str:
-    """What is expected of a missing key: type, unit, range, meaning; of a section its own required keys."""
+def _expected(key: str, section: type[BaseModel]) -> str:
+    """What is expected of a key: type, unit, range, meaning; of a section its own required keys."""
     name = key.rpartition(".")[2]
     field = section.model_fields.get(name)
     if field is None:
@@ -33,7 +31,8 @@ def _missing(key: str, section: type[BaseModel]) -> str:
     inner = section_models(field.annotation)
     if inner:
         needed = [name for name, one in inner[0].model_fields.items() if one.is_required()]
-        return f"a section [{key}] with {', '.join(needed) or 'any of its keys'}"
+        head = f"[[{key}]]" if is_list(field.annotation) else f"[{key}]"
+        return f"a section {head} with {', '.join(needed) or 'any of its keys'}"
     try:
         found = key_of(section, name)
     except LookupError:
@@ -99,9 +98,8 @@ def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[ScenarioE
         unit = f" {unit_of(key)}" if unit_of(key) else ""
         if kind == "extra_forbidden":
             yield _unknown(key, model, section)
-        elif kind == "missing":
-            expected = _missing(key, section)
-            yield ScenarioError("is missing", key=f"'{key}'", expected=expected)
+        elif kind == "missing" and isinstance(path[-1], str):
+            yield ScenarioError("is missing", key=f"'{key}'", expected=_expected(key, section))
         elif kind.startswith("union_tag"):
             inner = section_models(section.model_fields[key.rpartition(".")[2]].annotation)
             name, tags = kind_of(inner[0])[0], [kind_of(one)[1] for one in inner]
@@ -111,8 +109,27 @@ def faults(error: ValidationError, model: type[BaseModel]) -> Iterator[ScenarioE
             )
         elif kind == "value_error":
             yield _fault(key, f"{key + ': ' if key else ''}{context['error']}")
+        elif kind in _BOUNDS:
+            name, sign = _BOUNDS[kind]
+            yield ScenarioError(f"is {value}", key=f"'{key}'", expected=f"{sign} {context[name]}{unit}")
         else:
-            name, sign = _BOUNDS.get(kind, ("", ""))
-            said = fault["msg"].removeprefix("Input should be ").removesuffix(_UNPARSED)
-            expected = f"{sign} {context[name]}{unit}" if name else f"{said}{unit}"
-            yield ScenarioError(f"is {value if name else repr(value)}", key=f"'{key}'", expected=expected)
+            if kind == "missing":  # of a list that is too short
+                path = path[:-1]
+            yield _of_another_type(model, path, value, fault)
+
+
+def _of_another_type(
+    model: type[BaseModel],
+    path: list[int | str],
+    value: Any,  # noqa: ANN401 - what a file holds
+    fault: Any,  # noqa: ANN401 - of pydantic
+) -> ScenarioError:
+    """The error of a value that is none of its key; of a list it says what all of it should be."""
+    key = located(model, path)[1]
+    whole = path[: next((k for k, part in enumerate(path) if k and isinstance(part, int)), len(path))]
+    section, name = located(model, whole if isinstance(path[-1], int) else path)
+    expected = _expected(name, section) or fault["msg"].removeprefix("Input should be ")
+    own = section.model_fields.get(name.rpartition(".")[2])
+    choices = [] if own is None else [str(one) for one in get_args(own.annotation)]
+    hint = guess(value, choices) if fault["type"] == "literal_error" else ""
+    return ScenarioError(f"is {value!r}", key=f"'{key}'", expected=expected, hint=hint)

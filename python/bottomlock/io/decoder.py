@@ -29,6 +29,9 @@ from bottomlock.io.rows import (
 )
 from bottomlock.io.sentences import LONGEST_LINE, xor_of
 
+LONGEST_SENDING_NS = 10_000_000_000
+"""Between a ping and its sending; a greater difference is no time of sending."""
+
 
 @dataclass(kw_only=True, slots=True)
 class Cells:
@@ -166,7 +169,15 @@ class Decoder:
         found = []
         for row in self.ready():
             table, water = self._made([row], row.beams)
-            found.append(Taken(table, self.frame, water, row.sent_ns))
+            sent_ns = row.sent_ns
+            if (
+                sent_ns is not None
+                and table.rows
+                and abs(sent_ns - int(table.time_ns[0])) > LONGEST_SENDING_NS
+            ):
+                self.account.flag("sent at a time that is not near its own", row.position)
+                sent_ns = None
+            found.append(Taken(table, self.frame, water, sent_ns))
         return found
 
     def _made(self, rows: Sequence[Row], beams: int) -> tuple[BeamTable, WaterTable | None]:

@@ -284,6 +284,10 @@ class ReportDecoder(Decoder):
         if through_water:
             account.flag("velocity through the water: no beam has the bottom", position)
         beams_of = [[_float(value) for value in one or _NONE] for one in block]
+        lost = [one and v == 0.0 and m <= 0.0 for one, (v, m, *_) in zip(valid, beams_of, strict=True)]
+        if any(lost):
+            account.flag("velocity is a code for no reading", position)
+            valid = [one and not none for one, none in zip(valid, lost, strict=True)]
         own = [_float(report.get(name)) for name in _OF_REPORT]
         row = row_of(position, time_ns, beams_of, own, sent_ns, through_water=through_water)
         row.valid, row.stale = valid, stale

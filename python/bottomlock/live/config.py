@@ -12,6 +12,7 @@ from bottomlock.config.toml_file import parse_toml, read_text
 from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.io.formats import LIVE
+from bottomlock.kernel.models import InitialState
 from bottomlock.live.navigator_config import NavigatorConfig, kernel_settings
 from bottomlock.live.of_case import with_case
 from bottomlock.live.sections import (
@@ -236,9 +237,25 @@ class LiveConfig(NavigatorConfig):
         """
         instrument = self.instrument()
         self.ports()
+        self.dvl.errors.kernel_model(float(instrument.beam_sd_mps.max()), instrument.calibration)
         if self.mode == "navigation":
             kernel_settings(self, instrument)
+            self._begins_somewhere()
         return self
+
+    def _begins_somewhere(self) -> None:
+        """Checks the place and the velocity of the start.
+
+        Raises:
+            KernelError: for one that no vehicle has.
+        """
+        assert self.start is not None  # validated
+        InitialState(
+            time_ns=0,
+            attitude_t_p=(1.0, 0.0, 0.0, 0.0),
+            position_t_m=self.start.position_m,
+            velocity_p_mps=self.start.velocity_mps,
+        )
 
 
 _NAVIGATES = ("imu", "origin", "start")

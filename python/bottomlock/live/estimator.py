@@ -107,6 +107,9 @@ REOPENED = 3
 class BeamJumps:
     """Beams of each ping that are no outliers.
 
+    One that changes as no vehicle does is left out, and of a complete ping whose beams disagree the one that changed
+    most, if beyond its noise. Of a complete ping with more than one, or with none that is known, nothing is used.
+
     Args:
         geometry: the beams.
         acceleration_mps2: largest acceleration of the vehicle along a beam.
@@ -133,18 +136,22 @@ class BeamJumps:
         age_s = np.abs(time_ns - self._before_ns) * 1e-9
         known = valid & np.isfinite(self._before_mps) & (age_s <= OLDEST_S)
         change = np.where(known, np.abs(velocity_mps - self._before_mps), 0.0)
-        limit = JUMP_SD * math.sqrt(2.0) * sd_mps + self._acceleration * age_s
-        jumped = known & (change > limit) & (self._jumped < REOPENED)
+        noise = JUMP_SD * math.sqrt(2.0) * sd_mps
+        jumped = known & (change > noise + self._acceleration * age_s) & (self._jumped < REOPENED)
+        what = "no vehicle changes its velocity so"
         keep: NDArray[np.bool_] = valid & ~jumped
-        if keep.all() and known.any() and not closes(self._geometry, velocity_mps, sd_mps):
-            worst = int(np.argmax(change / limit))
-            keep[worst] = self._jumped[worst] >= REOPENED
+        if keep.all() and not closes(self._geometry, velocity_mps, sd_mps):
+            what = "the beams disagree with one another"
+            worst = int(np.argmax(change / sd_mps))
+            keep[worst if change[worst] > noise[worst] else slice(None)] = False
+        elif valid.all() and np.count_nonzero(jumped) > 1:
+            keep[:] = False
         left_out = valid & ~keep
         self._jumped = np.where(left_out, self._jumped + 1, np.where(valid, 0, self._jumped))
         self._before_mps = np.where(keep, velocity_mps, self._before_mps)
         self._before_ns = np.where(keep, time_ns, self._before_ns)
         beams = ", ".join(str(beam + 1) for beam in np.flatnonzero(left_out))
-        self.why = f"no vehicle changes its velocity so: beam {beams} left out" if beams else ""
+        self.why = f"{what}: beam {beams} left out" if beams else ""
         return keep
 
 
@@ -273,7 +280,8 @@ class VelocityEstimator(Estimator):
     @property
     def waiting_for(self) -> str:
         """A first ping that gives all of the velocity."""
-        return "" if self._whole else "a ping that determines the whole velocity"
+        why = f", {self._jumps.why}" if self._jumps.why else ""
+        return "" if self._whole else f"a ping that determines the whole velocity{why}"
 
     @property
     def time_ns(self) -> int | None:

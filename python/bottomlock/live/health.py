@@ -39,7 +39,8 @@ def status(live: Live) -> dict[str, Any]:
         reference: slow error of the attitude reference by angle (error_rad, sd_rad). gated: rejections by sensor.
         water: the current north and east (current_mps, current_sd_mps), and what became of the cells; None without.
         sources: a row a source: what its connection does, connections, age_s of its last byte, records, readings
-            taken, skipped and refused by reason, bytes_dropped between records, pieces_not_read, clock_steps, late.
+            taken, skipped, flagged and refused by reason, bytes_dropped between records, pieces_not_read, clock_steps,
+            late.
         ports: a row a port: to, what its target does, messages sent and dropped, and silent_because.
         raw_log: file and bytes; None without.
     """
@@ -98,6 +99,7 @@ def _source(live: Live, place: int, now_ns: int) -> dict[str, Any]:
         "records": one.reader.records,
         "taken": one.used,
         "skipped": dict(one.reader.skipped),
+        "flagged": dict(one.reader.flagged),
         "refused": dict(one.refused),
         "bytes_dropped": one.reader.framer.dropped,
         "pieces_not_read": connection.not_read,
@@ -119,12 +121,12 @@ def _port(live: Live, place: int) -> dict[str, Any]:
     }
 
 
-_ONE_OF = {"reference": "angle", "gated": "sensor", "skipped": "why", "refused": "why"}
+_ONE_OF = {"reference": "angle", "gated": "sensor", "skipped": "why", "flagged": "why", "refused": "why"}
 """What the keys of these are, in place of a part of the name."""
 _ROWS = {"beams": "beam", "sources": "source", "ports": "port"}
 _COUNTERS = (
-    "errors", "connections", "records", "taken", "skipped", "refused", "dropped", "pieces_not_read", "clock_steps",
-    "late", "sent", "gated",
+    "errors", "connections", "records", "taken", "skipped", "flagged", "refused", "dropped", "pieces_not_read",
+    "clock_steps", "late", "sent", "gated",
 )  # fmt: skip
 Leaf = tuple[str, dict[str, str], Any]
 

@@ -54,11 +54,13 @@ class Reader(Generic[Given]):
         framer: cuts the bytes into records; made at the start.
         records: whole records so far.
         skipped: records without a reading, by what was wrong.
+        flagged: records with a reading of which something was not used or is unusual, by what it is.
     """
 
     framer: Framer = field(init=False)
     records: int = field(default=0, init=False)
     skipped: Reasons = field(default_factory=Reasons, init=False)
+    flagged: Reasons = field(default_factory=Reasons, init=False)
 
     def feed(self, data: bytes) -> list[Given]:
         """The readings that `data` completes."""
@@ -289,11 +291,12 @@ class PingReader(Reader[Ping]):
         pings = [ping for one in self._decoder.take() if (ping := self._ping(one)) is not None]
         account = self._decoder.account
         self.records, account.read = self.records + account.read, 0
-        for reasons in (account.skipped, account.other):
+        for reasons, counted in (
+            (account.skipped, self.skipped), (account.other, self.skipped), (account.flagged, self.flagged),
+        ):  # fmt: skip
             for name, reason in reasons.items():
-                self.skipped.add(name, reason.count)
+                counted.add(name, reason.count)
             reasons.clear()
-        account.flagged.clear()
         return pings
 
     def _ping(self, taken: Taken) -> Ping | None:

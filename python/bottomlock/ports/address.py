@@ -104,7 +104,7 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
             raise ValueError(malformed)
         return Address(kind)
     if kind in {"file", "serial"}:
-        if not rest:
+        if not rest or "\0" in rest:
             raise ValueError(malformed)
         return _path(kind, rest)
     if kind == "ros":
@@ -112,12 +112,30 @@ def parse_address(text: str, kinds: tuple[Kind, ...], *, what: str, any_port: bo
             raise ValueError(malformed)
         return Address(kind, path=rest)
     host, _, number = rest.rpartition(":")
-    if not number.isdigit() or (":" in host.strip("[]") and not host.startswith("[")):
+    if not (number.isascii() and number.isdigit()) or (":" in host.strip("[]") and not host.startswith("[")):
         raise ValueError(malformed)
+    checked_host(host.strip("[]"))
     least = 0 if any_port and kind == "tcpin" else 1
     if not least <= int(number) < 65_536:
         raise ValueError(f"'{text}' has port {number}, expected {least} to 65535")
     return Address(kind, host=host.strip("[]") or _LOOPBACK, port=int(number))
+
+
+def checked_host(host: str) -> str:
+    """The same name of a host, or address; "" for one that is to be chosen.
+
+    Raises:
+        ValueError: for what no network looks up.
+    """
+    try:
+        is_name = host.isprintable() and host.encode("idna") is not None
+    except UnicodeError:
+        is_name = False
+    if not is_name:
+        raise ValueError(
+            f"'{host}' is no name of a host, expected parts of 1 to 63 letters, a dot between them"
+        )
+    return host
 
 
 def _path(kind: Kind, rest: str) -> Address:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, Strict, model_validator
 
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
@@ -62,7 +62,7 @@ class Stream(Section):
     file: Annotated[Path, InFolder, shown(example="imu.csv")]
     """table, CSV or Parquet, from the case's folder"""
     clock: Clock
-    every: Annotated[int, Field(ge=1), shown(unit="1")] = 1
+    every: Annotated[int, Strict(), Field(ge=1), shown(unit="1")] = 1
     """every n-th row is used; 1 for the IMU"""
 
 
