@@ -117,6 +117,7 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "start velocity": (STARTS_FAST, "start_velocity", "start.velocity"),
     "start heading 60 deg": (added("heading_deg", 60.0), "start_heading", "start.heading"),
     "depth positive up": (edited("case.toml", ("up = false", "up = true")), "depth_sign", "depth.up"),
+    "depth of another dive": (table("depth", depth_m=pl.col("depth_m").reverse()), "depth_scale", "depth.unit"),
     "depth stands still": (table("depth", depth_m=pl.lit(3.0)), "depth_scale", "depth.unit"),
     "quarter of the noise": (edited("case.toml", ("= 0.008", "= 0.002")), "beam_noise", "dvl.beam_noise_mps"),
     "rad/s taken for deg/s": (both(table("imu", **DEGREES), RANGE), "gyro_unit", "imu.omega_unit"),

@@ -5,15 +5,22 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.recordings.streams import Attitudes, Inertial
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
+from bottomlock.replay.init.attitude_part import angles_of
 from bottomlock.replay.init.dvl_part import dvl_of_velocity
 from bottomlock.replay.init.found import find_streams, in_order, table_times
 from bottomlock.replay.init.guess import NOTHING
-from bottomlock.replay.init.make import make_case
+from bottomlock.replay.init.make import draft, make_case
 from bottomlock.replay.init.positions import guess_positions
+from bottomlock.replay.init.sources import read_sources
+from bottomlock.replay.screen_aiding import screened
+from tests.dive import drawn_dive, tables
+from tests.dive_logs import write
 
 ROWS = [(f"{1_764_000_000 + 0.25 * k:.2f}", f"{0.5 + 0.01 * k:.3f}", "-0.125") for k in range(40)]
 NAMES = ("time_s", "vx", "vy")
@@ -198,3 +205,87 @@ def test_a_duration_is_a_time(tmp_path: Path) -> None:
     assert times.time_ns[:3].tolist() == [0, 1000, 2000]
     assert not times.column
     assert not times.epoch
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "unit"),
+    [("v{} [knots]", 3600.0 / 1852.0, "kn"), ("v{}_kn", 3600.0 / 1852.0, "kn"), ("v{} (ft/s)", 1.0 / 0.3048, "ft/s")],
+)  # fmt: skip
+def test_units_of_seamen(tmp_path: Path, name: str, factor: float, unit: str) -> None:
+    velocity = {name.format(axis): factor * np.linspace(0.1, 0.5, 100) for axis in "xyz"}
+    table = pl.DataFrame({"time_s": 1.764e9 + 0.25 * np.arange(100)} | velocity)
+    dvl = dvl_of_velocity(find_streams(AnyTable(tmp_path, table, plain=True, units={}))[0])
+    assert (dvl.unit.value, dvl.unit.known) == (unit, True)
+    assert dvl.velocity_p_mps[-1] == pytest.approx([0.5] * 3)
+
+
+def test_a_unit_that_is_not_known_is_a_question(tmp_path: Path) -> None:
+    velocity = {f"v{axis} [furlongs]": np.linspace(0.1, 0.5, 100) for axis in "xyz"}
+    table = pl.DataFrame({"time_s": 1.764e9 + 0.25 * np.arange(100)} | velocity)
+    dvl = dvl_of_velocity(find_streams(AnyTable(tmp_path, table, plain=True, units={}))[0])
+    assert not dvl.unit.known
+    assert "furlongs" in dvl.unit.why
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_degrees_and_minutes_of_a_receiver(tmp_path: Path, sign: float) -> None:
+    """45 degrees 7.5 minutes north, 10 degrees 30 minutes east or west, and no place in the Gulf of Guinea."""
+    place = {"latitude": 4507.5 + 1e-4 * np.arange(50.0), "longitude": sign * 1030.0 + np.zeros(50)}
+    frame = pl.DataFrame({"time_s": 1.764e9 + np.arange(50.0)} | place)
+    found = guess_positions(
+        find_streams(AnyTable(tmp_path, frame, plain=True, units={}))[0], np.zeros(0, dtype=np.int64), NOTHING
+    )
+    assert found is not None
+    assert np.rad2deg([found.latitude_rad, found.longitude_rad]) == pytest.approx([45.125, sign * 10.5])
+
+
+def test_hundredths_of_a_degree_are_refused(tmp_path: Path) -> None:
+    angles = {
+        "roll": 100.0 * np.sin(np.arange(80.0)),
+        "pitch": np.full(80, 420.0),
+        "yaw": np.arange(80.0) * 400.0,
+    }
+    frame = pl.DataFrame({"time_s": 1.764e9 + np.arange(80.0)} | angles)
+    with pytest.raises(DataError, match=r"roll or pitch of 420,.*hundredths"):
+        angles_of(find_streams(AnyTable(tmp_path / "ahrs.csv", frame, plain=True, units={}))[0])
+
+
+def test_positions_with_letters_are_named(tmp_path: Path) -> None:
+    frame = pl.DataFrame({"time_s": np.arange(9.0), "latitude": ["45.1N"] * 9, "longitude": ["10.2E"] * 9})
+    frame.write_csv(tmp_path / "gps.csv")
+    with pytest.raises(DataError, match=r"latitude, longitude hold no numbers \('45\.1N'\)"):
+        read_sources([tmp_path / "gps.csv"])
+
+
+def test_beams_alone_need_three_of_them_or_an_imu(tmp_path: Path) -> None:
+    """The case would not run: nothing tells how the vehicle moves."""
+    held = dict(tables(drawn_dive(3, seconds=60.0)))
+    held["beams"] = held["beams"].with_columns(beam1_mps=pl.lit(None), beam2_mps=pl.lit(None))
+    with pytest.raises(DataError, match=r"no file holds an IMU, and 0 pings have a velocity"):
+        draft(write(held, tmp_path, "beams ahrs"))
+
+
+def test_readings_that_a_table_holds_until_the_next_are_read_once(tmp_path: Path) -> None:
+    """A logger that fills the rows of an IMU with the last reading of every other sensor."""
+    dive = tables(drawn_dive(3, seconds=60.0))
+    table = dive["imu"]
+    for name in ("velocity", "ahrs"):
+        table = table.join_asof(dive[name].drop_nulls(), on="time_s")
+    found = {one.kind: one for one in find_streams(AnyTable(tmp_path, table, plain=True, units={}))}
+    assert found["imu"].table.frame.height == table.height
+    for name, kind in (("velocity", "velocity"), ("ahrs", "attitude")):
+        assert found[kind].table.frame.height == pytest.approx(dive[name].drop_nulls().height, abs=2)
+        assert "hold the reading before them" in found[kind].table.remark
+
+
+def test_a_compass_that_stands_still_beside_inclinometers_is_left_out() -> None:
+    dive = drawn_dive(3, seconds=120.0)
+    rpy = dive.angles.copy()
+    rpy[300:, 2] = rpy[300, 2]
+    time_ns = (dive.slow_s * 1e9).astype(np.int64)
+    inertial = Inertial((dive.imu_s * 1e9).astype(np.int64), dive.force, dive.omega)
+    aiding = {"attitude": Attitudes(time_ns, Rotation.from_euler("ZYX", rpy[:, ::-1]))}
+    (found,) = screened(aiding, inertial, made=False)
+    assert found.why == "stands still"
+    assert found.rows == len(rpy) - 301
+    assert len(aiding["attitude"].time_ns) == 301

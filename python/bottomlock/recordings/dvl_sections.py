@@ -27,7 +27,7 @@ class DvlStream(DvlSettings, ReorderedStream):
     clock: Clock = Clock(column="time_ns", unit="ns")
     velocity: Annotated[ColumnTriple | None, shown(example=["vx", "vy", "vz"])] = None
     """columns of the instrument's velocity, its axes x, y, z; for source velocity"""
-    velocity_unit: Literal["m/s", "cm/s", "mm/s"] = "m/s"
+    velocity_unit: Literal["m/s", "cm/s", "mm/s", "km/h", "kn", "ft/s"] = "m/s"
     """unit of that velocity"""
     velocity_scale: Annotated[Positive, shown(unit="1")] = 1.0
     """factor that is in that velocity, and is divided out"""

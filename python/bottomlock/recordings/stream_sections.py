@@ -183,7 +183,7 @@ class DepthStream(DepthErrors, SensorStream):
 
     column: Annotated[str, shown(example="depth")]
     """column of depth, height or pressure"""
-    unit: Literal["m", "cm", "Pa", "kPa", "mbar", "bar", "dbar"] = "m"
+    unit: Literal["m", "cm", "ft", "Pa", "kPa", "mbar", "bar", "dbar"] = "m"
     """unit of the column"""
     up: bool = False
     """whether the column is positive up, a height"""

@@ -193,9 +193,9 @@ def _report(timed: TimedRows, incomplete: NDArray[np.int64], keep: NDArray[np.in
 
 FORCE_SI = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
 OMEGA_SI = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 648_000.0}
-SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
+SPEED_SI = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "ft/s": 0.3048}
 ANGLE_SI = {"rad": 1.0, "deg": np.pi / 180.0}
-LENGTH_SI = {"m": 1.0, "cm": 1e-2}
+LENGTH_SI = {"m": 1.0, "cm": 1e-2, "ft": 0.3048}
 REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
 

@@ -63,7 +63,9 @@ def _values(stream: Depths | Attitudes | Positions) -> Floats:
     if isinstance(stream, Depths):
         return stream.depth_m[:, None]
     if isinstance(stream, Attitudes):
-        return np.asarray(stream.attitude.as_quat())
+        # A compass that stands still beside inclinometers that do not is as wrong; to the last digit after rotations.
+        C = stream.attitude.as_matrix()
+        return np.asarray(np.arctan2(C[:, 1, 0], C[:, 0, 0])[:, None].round(9))
     return stream.position_t_m[:, :2]
 
 

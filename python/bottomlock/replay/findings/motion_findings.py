@@ -127,8 +127,7 @@ def motion_findings(stated: Stated, comparison: Comparison) -> list[Finding]:
     for cause in comparison.causes:
         name, values = _values(stated, cause)
         template = TEMPLATES[name]
-        # What turns or scales a track moves it by this part of its extent.
-        size = float(np.abs(cause.values).max()) if cause.name in {"scale", "rotation"} else 0.0
+        size = _moves(cause.name, cause.values, cause.mistake.axes)
         found.append(
             Finding(
                 template.kind, "fault", cause.drop, template.text.format(**values),
@@ -138,6 +137,19 @@ def motion_findings(stated: Stated, comparison: Comparison) -> list[Finding]:
             )
         )  # fmt: skip
     return found
+
+
+def _moves(name: str, values: Floats, axes: Floats) -> float:
+    """Part of its extent by which a cause moves a horizontal track, about; 0 for what neither turns nor scales it.
+
+    >>> _moves("scale", np.array([-0.03]), np.eye(3)), _moves("clock", np.array([1.5]), np.eye(3))
+    (0.03, 0.0)
+    >>> [_moves("axes", np.zeros(3), np.diag(signs)) for signs in ([1.0, -1.0, 1.0], [1.0, 1.0, -1.0])]
+    [2.0, 0.0]
+    """
+    if name in {"scale", "rotation"}:
+        return float(np.abs(values).max())
+    return float(np.abs(axes - np.eye(3))[:2, :2].max()) if name == "axes" else 0.0
 
 
 def _values(stated: Stated, cause: Cause) -> tuple[str, dict[str, Any]]:

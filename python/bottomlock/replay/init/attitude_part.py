@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bottomlock.arrays import rising
+from bottomlock.errors import DataError
 from bottomlock.recordings.attitude_motion import inertial_readings
 from bottomlock.recordings.axes import from_angles, platform_attitude
 from bottomlock.recordings.streams import Flags, Floats, Integers, integrator
@@ -97,6 +98,10 @@ LEVEL_RAD = np.deg2rad(25.0)
 """Median tilt against the accelerometers that is a vehicle's own; in the wrong order it follows the heading."""
 
 
+WHOLE_DEG = 360.5
+"""Largest roll or pitch in degrees."""
+
+
 def angles_of(found: Found, imu: ImuPart | None = None, offset: Guess = NOTHING) -> tuple[Floats, Guess]:
     """(n, 3) roll, pitch, yaw, rad, of angles or quaternions, NaN where there is none, and the unit of the angles.
 
@@ -111,6 +116,12 @@ def angles_of(found: Found, imu: ImuPart | None = None, offset: Guess = NOTHING)
     if "q0" not in found.columns:
         angles = found.values("roll", "pitch", "yaw")
         unit = angle_unit(angles, found.units.get("yaw", ""))
+        steepest = float(np.nanmax(np.abs(angles[:, :2])))
+        if unit.value == "deg" and steepest > WHOLE_DEG:
+            raise DataError(
+                f"has a roll or pitch of {steepest:.4g}", place=found.table.path, expected="radians or degrees",
+                hint="are these hundredths of a degree? Divide by 100",
+            )  # fmt: skip
         return angles * (np.pi / 180.0 if unit.value == "deg" else 1.0), unit
     q = found.values("q0", "q1", "q2", "q3")
     size = np.linalg.norm(q, axis=1)

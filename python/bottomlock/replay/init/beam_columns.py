@@ -12,10 +12,10 @@ from bottomlock.io.columns import FLAG_WORDS
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.init.any_table import AnyTable
 from bottomlock.replay.init.found import numbers, table_times
-from bottomlock.replay.init.names import split_unit
+from bottomlock.replay.init.names import split_unit, usual_unit
+from bottomlock.replay.read_tables import SPEED_SI
 
 TIME = "time_ns"
-_SPEEDS = {"m/s": 1.0, "mps": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 _VALID = ("valid", "good", "ok", "datagood", "flag", "lock", "status")
 _RANGE = ("range", "distance", "altitude", "dist", "height")
 _RANGES = ("range", "distance", "altitude", "dist", "rng", "bottomrange", "btrange", "btmrange")
@@ -34,12 +34,12 @@ class BeamColumns:
     scale_why: str = ""
 
 
-def _role(name: str) -> tuple[str, int] | None:
+def beam_role(name: str) -> tuple[str, int] | None:
     """Role ("velocity", "valid", "range") and number of a beam's column, as it is written; None for another.
 
-    >>> [_role(n) for n in ("beam1_mps", "b0", "field.bottomVelocityBeam2", "dataGood3", "beam_2_valid", "depth")]
+    >>> [beam_role(n) for n in ("beam1_mps", "b0", "field.bottomVelocityBeam2", "dataGood3", "beam_2_valid", "depth")]
     [('velocity', 1), ('velocity', 0), ('velocity', 2), ('valid', 3), ('valid', 2), None]
-    >>> _role("/waterlinked_dvl/velocity_report/beam_velocity[3]")
+    >>> beam_role("/waterlinked_dvl/velocity_report/beam_velocity[3]")
     ('velocity', 3)
     """
     # Of a topic the field.
@@ -98,7 +98,7 @@ def beam_columns(table: AnyTable) -> BeamColumns | None:
     """
     found: dict[str, dict[int, str]] = {"velocity": {}, "valid": {}, "range": {}}
     for name in table.frame.columns:
-        role = _role(name)
+        role = beam_role(name)
         # The column of a beam that is dead all along is still that of a beam.
         if role is not None and (role[0] != "range" or np.isfinite(numbers(table.frame[name])).any()):
             found[role[0]].setdefault(role[1], name)
@@ -164,9 +164,9 @@ def _is_flag(table: AnyTable, name: str) -> bool:
 
 
 def _scale(velocity: list[str], values: Floats, table: AnyTable) -> tuple[float, str]:
-    unit = split_unit(velocity[0])[1] or table.units.get(velocity[0], "")
-    if unit in _SPEEDS:
-        return _SPEEDS[unit], f"the column's name says {unit}"
+    unit = usual_unit(split_unit(velocity[0])[1] or table.units.get(velocity[0], ""))
+    if unit in SPEED_SI:
+        return SPEED_SI[unit], f"the column's name says {unit}"
     largest = float(np.nanpercentile(np.abs(values), 95))
     if largest > 50.0:
         return 1e-3, f"95 % are below {largest:.4g}: mm/s, as no vehicle moves that many m/s"

@@ -12,7 +12,7 @@ from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess, pressure_unit
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.read_tables import PRESSURE_SI
+from bottomlock.replay.read_tables import LENGTH_SI, PRESSURE_SI
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 DEEPEST_WAVES_M = 60.0
@@ -108,9 +108,11 @@ def guess_depth(found: Found, imu: ImuPart, offset: Guess) -> DepthPart | None:
             metres = metres - 10.08
     else:
         hint = found.units.get("depth", "")
-        why = "the column's name says so" if hint else "metres are usual"
-        unit = Guess("cm" if hint == "cm" else "m", why, known=bool(hint))
-        metres = values * (0.01 if unit.value == "cm" else 1.0)
+        known = hint in LENGTH_SI
+        unit = Guess(
+            hint if known else "m", "the column's name says so" if known else "metres are usual", known
+        )
+        metres = values * LENGTH_SI[unit.value]
         if np.nanmedian(metres) < -0.3:
             up = Guess(
                 value=True, why=f"its median is {np.nanmedian(values):.3g}, below the surface: positive up"

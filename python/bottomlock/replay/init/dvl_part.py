@@ -276,10 +276,11 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     p95 = _usual(values)
     if hint in SPEED_SI:
         unit = Guess(hint, "the column's name says so")
-    elif p95 > 50.0:
-        unit = Guess("mm/s", f"95 % are below {p95:.4g}", known=False)
     else:
-        unit = Guess("m/s", f"95 % are below {p95:.3g}", known=False)
+        why = f"95 % are below {p95:.3g}" + f", and its name says '{hint}', which is no unit known" * bool(
+            hint
+        )
+        unit = Guess("mm/s" if p95 > 50.0 else "m/s", why, known=False)
     good = np.isfinite(values).all(axis=1) & ~no_velocity(values * SPEED_SI[unit.value])
     if "valid" in found.extra:
         good &= found.values("valid")[:, 0] == 1.0

@@ -141,8 +141,28 @@ def find_streams(table: AnyTable) -> list[Found]:
     streams = []
     for kind, columns, extra in found:
         of = {role: units.get(name, "") for role, name in {**columns, **extra}.items()}
-        streams.append(Found(kind, table, columns, of, times, extra))
+        stream = Found(kind, table, columns, of, times, extra)
+        streams.append(_let_go(stream) if "imu" in kinds and kind != "imu" else stream)
     return streams
+
+
+HELD = 0.5
+"""Part of the rows of an IMU that repeat another sensor's reading, from which the table holds it until the next."""
+
+
+def _let_go(found: Found) -> Found:
+    """A stream without the rows that hold its last reading, as a logger fills the rows of a faster sensor."""
+    values = found.values(*found.columns)
+    known = np.isfinite(values).all(axis=1)
+    rows = np.flatnonzero(known)
+    fresh = np.concatenate([[True], (np.diff(values[rows], axis=0) != 0.0).any(axis=1)])[: len(rows)]
+    if not len(rows) or 1.0 - float(fresh.mean()) < HELD:
+        return found
+    words = (
+        f"{len(rows) - int(fresh.sum())} of {len(rows)} rows hold the reading before them: they are left out"
+    )
+    table = replace(found.table, frame=found.table.frame[rows[fresh]], plain=False, remark=words)
+    return replace(found, table=table, times=table_times(table, "dvl" if found.kind == "velocity" else ""))
 
 
 _GROUPS = (

@@ -51,6 +51,9 @@ _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec"
 _PREFIXES = ("field", "header", "imu", "ins", "ahrs", "gps", "sensor", "vehicle", "body", "nav", "raw", "ref",
              "truth", "odom", "pose", "twist", "attitude")  # fmt: skip
 _AXES = {"x": 0, "y": 1, "z": 2}
+_SPELLINGS = {"knots": "kn", "knot": "kn", "kts": "kn", "kt": "kn", "kph": "km/h", "kmh": "km/h", "fps": "ft/s",
+              "feet/s": "ft/s", "feet": "ft", "foot": "ft", "meters": "m", "metres": "m", "m/sec": "m/s",
+              "mps": "m/s"}  # fmt: skip
 _QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|rotation)(w|x|y|z|[0-4])$")
 
 
@@ -78,7 +81,8 @@ def split_unit(name: str) -> tuple[str, str]:
         "_mps": "m/s", "_m_s": "m/s", "_mm_s": "mm/s",
         "_cm_s": "cm/s", "_rad": "rad", "_deg": "deg", "_mg": "mg", "_dbar": "dbar", "_mbar": "mbar", "_kpa": "kPa",
         "_hpa": "mbar", "_bar": "bar", "_pa": "Pa", "_cm": "cm", "_m": "m", "_nsec": "ns", "_usec": "us",
-        "_msec": "ms", "_sec": "s", "_ns": "ns", "_us": "us", "_ms": "ms", "_s": "s", "_g": "g",
+        "_msec": "ms", "_sec": "s", "_ns": "ns", "_us": "us", "_ms": "ms", "_s": "s", "_g": "g", "_kn": "kn",
+        "_kts": "kn", "_kmh": "km/h", "_fps": "ft/s", "_ft": "ft",
     }  # fmt: skip
     lower = name.lower()
     for ending, unit in ends.items():
@@ -86,6 +90,15 @@ def split_unit(name: str) -> tuple[str, str]:
             return name[: -len(ending)], unit
     found = re.fullmatch(r"(?i)(time(?:stamp)?|t)(ns|us|ms)", name)
     return (found[1], found[2].lower()) if found else (name, "")
+
+
+def usual_unit(unit: str) -> str:
+    """A unit as a case writes it, of one in another spelling; others as they are.
+
+    >>> usual_unit("Knots"), usual_unit("°/s")
+    ('kn', '°/s')
+    """
+    return _SPELLINGS.get(unit.lower().replace(" ", ""), unit)
 
 
 def time_unit(name: str, unit: str = "") -> str | None:
@@ -134,7 +147,7 @@ def named(name: str, unit: str = "") -> Named | None:
 Named(quantity='roll', component=0, unit='deg'))
     """
     bare, own = split_unit(name)
-    unit = own or unit
+    unit = usual_unit(own or unit)
     words = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare)
     tokens = [token for token in re.split(r"[^a-z0-9]+", words.lower()) if token]
     while tokens:

@@ -154,8 +154,15 @@ GRID_M = 1e5
 """Coordinates beyond it are those of a map's grid, from an origin that is not the dive's: UTM begins at 166 km east."""
 
 
+MOST_MINUTES = 18_100.0
+"""Largest ddmm.mmmm of a longitude, 18,000, and a little more."""
+
+
 def _rewritten(found: Found) -> dict[str, Any] | None:
-    """Positions in degrees where they are integers of 1e-7 deg, or rows without a fix are zero; None to leave them.
+    """Positions in degrees where they are not, or rows without a fix are zero; None to leave them.
+
+    Integers are of 1e-7 deg, and what no latitude and longitude are is degrees and minutes, ddmm.mmmm, as receivers
+    send them.
 
     Those on a grid are from the first of them.
     """
@@ -168,8 +175,13 @@ def _rewritten(found: Found) -> dict[str, Any] | None:
         return {"north": place[:, 0], "east": place[:, 1]}
     place = found.values("latitude", "longitude")
     none = (place == 0.0).all(axis=1)
-    factor = 1e-7 if float(np.nanmax(np.abs(place))) > 1000.0 else 1.0
-    if factor == 1.0 and not none.any():
+    largest = float(np.nanmax(np.abs(place)))
+    if largest > MOST_MINUTES:
+        place = 1e-7 * place
+    elif largest > 360.0:
+        whole = np.trunc(place / 100.0)
+        place = whole + (place - 100.0 * whole) / 60.0
+    elif not none.any():
         return None
-    place = np.where(none[:, None], np.nan, factor * place)
+    place = np.where(none[:, None], np.nan, place)
     return {"latitude": place[:, 0], "longitude": place[:, 1]}

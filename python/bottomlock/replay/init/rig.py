@@ -105,8 +105,19 @@ CONFIRMED = 0.5
 
 
 def by_attitude(parts: Parts) -> Parts:
-    """The streams of a vehicle without inertial readings: noise of the DVL by its pings, its yaw by positions."""
-    dvl, attitude = with_noise(parts.dvl, noise_of_pings(parts.dvl)), parts.attitude
+    """The streams of a vehicle without inertial readings: noise of the DVL by its pings, its yaw by positions.
+
+    Raises:
+        DataError: for too few pings to tell how the vehicle moves, which takes the place of an IMU.
+    """
+    pings = noise_of_pings(parts.dvl)
+    if pings is None:
+        raise DataError(
+            f"no file holds an IMU, and {len(parts.dvl.time_ns)} pings have a velocity by three beams or more: how "
+            "the vehicle moves cannot be told",
+            hint="name the table of the IMU",
+        )
+    dvl, attitude = with_noise(parts.dvl, pings), parts.attitude
     track = track_yaw(dvl, attitude, parts.reference)
     if track is None or attitude is None:
         why = "no inertial readings: clock and axes of the DVL are those of the attitude"

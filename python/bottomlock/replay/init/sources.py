@@ -23,8 +23,8 @@ from bottomlock.io.ros_messages import stamp_ns
 from bottomlock.io.rows import Options
 from bottomlock.io.sentences import printable
 from bottomlock.replay.init.any_table import NAMES, AnyTable, read_any_table
-from bottomlock.replay.init.beam_columns import beam_columns
-from bottomlock.replay.init.found import Found, find_streams, in_order
+from bottomlock.replay.init.beam_columns import beam_columns, beam_role
+from bottomlock.replay.init.found import Found, find_streams, in_order, numbers
 from bottomlock.replay.init.names import named
 from bottomlock.text import did_you_mean
 
@@ -266,10 +266,15 @@ def _table(one: AnyTable) -> Sources:
         stream for stream in find_streams(one) if not (columns is not None and stream.kind == "velocity")
     ]
     if not streams and columns is None:
-        known = [name for name in one.frame.columns if named(name) is not None]
-        which = (
-            f"{', '.join(known)} alone make no stream" if known else "none of its columns has a known name"
+        known = [name for name in one.frame.columns if named(name) is not None or beam_role(name) is not None]
+        none = [name for name in known if not np.isfinite(numbers(one.frame[name])).any()]
+        first = "".join(
+            printable(str(cell)) for name in none[:1] for cell in one.frame[name].drop_nulls()[:1]
         )
+        which = (
+            f"{', '.join(none)} hold no numbers ('{first}')" if none else
+            f"{', '.join(known)} alone make no stream" if known else "none of its columns has a known name"
+        )  # fmt: skip
         raise DataError(f"{which} ({column_names(one.frame)})", place=path, hint=NAMES)
     if streams:
         rows = one.frame.height
