@@ -56,7 +56,7 @@ def test_jitter_and_drift(seed: int, drift: float, jitter_ms: float, offset: int
     at=st.integers(20, 100),
 )
 def test_steps_are_found_and_no_wrong_time_is_used(seed: int, step_ms: int, at: int) -> None:
-    """A step forward at once, one back after a second; until then every report is marked as late."""
+    """A step forward by the second report, one back after a second; until then every report is marked as late."""
     random = np.random.default_rng(seed)
     times = np.cumsum(np.full(200, 100_000_000))
     delays = random.exponential(3e6, 200).clip(0, 60e6).astype(np.int64)
@@ -68,10 +68,21 @@ def test_steps_are_found_and_no_wrong_time_is_used(seed: int, step_ms: int, at: 
     assert clock.last_step_ns == pytest.approx(step_ms * 1e6, abs=61e6)
     first = verdicts.index("stepped")
     span = times[first] - times[at]
-    assert span == 0 if step_ms > 0 else CONFIRM_NS - 1e8 <= span <= CONFIRM_NS + 2e8
+    assert span == 1e8 if step_ms > 0 else CONFIRM_NS - 1e8 <= span <= CONFIRM_NS + 2e8
     used = [k for k, verdict in enumerate(verdicts) if verdict != "late"]
     assert np.abs(errors[used]).max() < 70e6
-    assert clock.late == (0 if step_ms > 0 else first - at)
+    assert clock.late == first - at
+
+
+def test_a_wrong_stamp_is_no_step() -> None:
+    """Every tenth is years ahead, none like the one before: these alone are not used."""
+    times = np.cumsum(np.full(100, 100_000_000))
+    offsets = np.zeros(100, dtype=np.int64)
+    offsets[9::10] = 10**17 * np.arange(1, 11)
+    clock = ClockMap(STEP_NS)
+    verdicts, errors = run(clock, times, offsets, np.zeros(100, dtype=np.int64))
+    assert [k for k, verdict in enumerate(verdicts) if verdict == "late"] == list(range(9, 100, 10))
+    assert np.abs(errors[np.delete(np.arange(100), np.arange(9, 100, 10))]).max() < 1e6
 
 
 def test_a_stall_of_the_line_is_no_step() -> None:

@@ -71,8 +71,9 @@ def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
     valid = {START_NS + round((k + 0.5) / 10.0 * 1e9) for k in range(120)}
     for line in lines(sent):
         assert min(abs(line.time_ns - one) for one in valid) < 6e6
-    assert engine.sources[0].clock.steps == 1
-    assert engine.sources[0].clock.last_step_ns == pytest.approx(-7e8, abs=6e6)
+    assert engine.sources[0].clock_steps == 1
+    (clock,) = engine.sources[0].clocks.values()
+    assert clock.last_step_ns == pytest.approx(-7e8, abs=6e6)
     assert engine.state == "OK"
 
 

@@ -8,10 +8,11 @@ import os
 import pytest
 
 from bottomlock.io.sentences import xor_of
+from bottomlock.live.engine import Engine
 from bottomlock.live.readings import LineReader, MavlinkReader, PingReader
 from bottomlock.live.sections import DepthSection
 from bottomlock.recordings.readings import DepthReading, ImuReading
-from tests.live.world import World
+from tests.live.world import START_NS, World, config
 
 IMU = b"1000,0.1,-0.2,0.3,0.01,0.02,-9.81"
 
@@ -32,6 +33,7 @@ def test_lines() -> None:
         (IMU + b",1", "not the columns time_ns,wx,wy,wz,fx,fy,fz"),
         (IMU.replace(b"0.1", b"nan"), "not a time in ns and finite numbers"),
         (IMU.replace(b"0.1", b"1e999"), "not a time in ns and finite numbers"),
+        (IMU.replace(b"0.1", b"3e38"), "numbers that are no time_ns,wx,wy,wz,fx,fy,fz"),
         (IMU.replace(b"1000", b"10.5"), "not a time in ns and finite numbers"),
         (IMU.replace(b"1000", b"9" * 19), "not a time in ns and finite numbers"),
         (IMU[:-1] + b"*%02x" % xor_of(IMU), "bad checksum"),
@@ -108,3 +110,21 @@ def test_what_is_not_used_of_a_ping_is_counted() -> None:
         "velocity is a code for no reading": 1,
         "transducer without beam_valid": 1,
     }
+
+
+def test_each_message_of_an_autopilot_has_its_own_clock() -> None:
+    """Inertial readings since 1970, pressures since boot, whose count of ms wraps: a second of these is not used."""
+    dialect = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    link, change = dialect.MAVLink(None), ('format = "imu-csv"', 'format = "mavlink"')
+    engine = Engine(config("navigation", extra="[depth]\n", change=change, to="stdout"))
+    for k in range(300):
+        inertial = dialect.MAVLink_highres_imu_message(
+            START_NS // 1000 + 10_000 * k, 0, 0, -9.8, *[0.0] * 10, 63
+        )
+        pressure = dialect.MAVLink_scaled_pressure_message((2**32 - 1000 + 10 * k) % 2**32, 1013.25, 0.0, 0)
+        data = bytes(inertial.pack(link)) + bytes(pressure.pack(link))
+        engine.arrive(1, START_NS + 10_000_000 * k, data)
+    autopilot = engine.sources[1]
+    assert sum(autopilot.refused.values()) == 600 - autopilot.used
+    assert 90 <= 600 - autopilot.used <= 110
+    assert autopilot.clock_steps == 1

@@ -4,9 +4,9 @@ A report that was sent at the instrument's time s arrives at the host's time a a
 negative. With o the offset of the clocks, a - s = o + delay, so a - s is an upper bound of o, and the least of these
 bounds is the best: the lower envelope. The clocks may drift by `DRIFT` at most: so much does a bound rise with its age.
 
-A report far above the envelope was delayed, or the instrument's clock was set back; one far below shows that the clock
-was set forward. A clock set back is known only after some reports in a row; until then their times are unsure, and
-they are not used.
+A report far above the envelope was delayed, or the instrument's clock was set back; one far below has a wrong stamp, or
+the clock was set forward. A clock set back is known only after some reports in a row, one set forward after two that
+agree; until then their times are unsure, and they are not used.
 """
 
 import math
@@ -43,6 +43,8 @@ class ClockMap:
     _at_ns: int = 0
     _reports: int = 0
     _above: list[tuple[int, int]] = field(default_factory=list)
+    _below: int | None = None
+    """Bound of the report before, if it was far below the envelope."""
 
     def observe(self, transmission_ns: int, arrival_ns: int, *, waited: bool = False) -> Verdict:
         """Takes a report: when it was sent (instrument) and when it came (host; never falling).
@@ -61,12 +63,17 @@ class ClockMap:
         envelope = self._offset_ns + math.ceil(DRIFT * (arrival_ns - self._at_ns))
         if bound - envelope > self.step_ns and waited:
             return "good"
+        # The first reports may all have been delayed: what follows them is then no step.
+        stepped = envelope - bound > self.step_ns and self._reports > CONFIRM_REPORTS
+        before, self._below = self._below, bound if stepped else None
+        if stepped and (before is None or abs(bound - before) > self.step_ns):
+            self.late += 1
+            return "late"
         if bound - envelope > self.step_ns:
             return self._far_above(bound, arrival_ns, envelope)
         self._above.clear()
-        # The first reports may all have been delayed: what follows them is then no step.
-        stepped = envelope - bound > self.step_ns and self._reports > CONFIRM_REPORTS
         if stepped:
+            self._below = None
             self._step(envelope - bound)
         self._set(min(bound, envelope), arrival_ns)
         return "stepped" if stepped else "good"

@@ -49,7 +49,7 @@ class SourceState:
     Attributes:
         section: its settings.
         reader: bytes to pings or readings.
-        clock: its clock on the host's.
+        clocks: of each kind of reading, on the host's: MAVLink's messages count from boot or from 1970.
         last_ns: arrival of its last bytes; None before the first.
         used: readings or pings that were taken.
         refused: those that were not, by reason.
@@ -58,12 +58,21 @@ class SourceState:
 
     section: SourceSection
     reader: Reader[Ping] | Reader[Reading]
-    clock: ClockMap
+    clocks: dict[type, ClockMap] = field(default_factory=dict)
     last_ns: int | None = None
     used: int = 0
     refused: Reasons = field(default_factory=Reasons)
     connections: int = 0
     stamps: list[int] = field(default_factory=list)
+
+    def clock_of(self, reading: Ping | Reading) -> ClockMap:
+        """The clock of the stamps of such readings."""
+        return self.clocks.setdefault(type(reading), ClockMap(units.ns_from_s(self.section.step_s)))
+
+    @property
+    def clock_steps(self) -> int:
+        """How often one of its clocks was set."""
+        return sum(clock.steps for clock in self.clocks.values())
 
 
 @dataclass
@@ -133,7 +142,7 @@ class Engine:
         else:
             within = section.address.startswith("serial:")
             reader = LineReader(section.format, checksum=section.checksum, within=within)
-        return SourceState(section, reader, ClockMap(units.ns_from_s(section.step_s)))
+        return SourceState(section, reader)
 
     def _mavlink_reader(self, section: SourceSection) -> MavlinkReader:
         """Of what no lines give."""
@@ -250,7 +259,8 @@ class Engine:
                 return None
             return reading.time_ns + offset_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
-        verdict = one.clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
+        clock = one.clock_of(reading)
+        verdict = clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
         if verdict == "late":
             one.refused.add("late, or its clock was set: time of validity unsure")
             return None
@@ -259,10 +269,10 @@ class Engine:
         if is_ping:
             one.stamps.append(reading.time_ns)
             del one.stamps[:-REPEATS]
-        return one.clock.host_ns(reading.time_ns) - latency_ns
+        return clock.host_ns(reading.time_ns) - latency_ns
 
     def _judge(self, now_ns: int) -> None:
-        steps = sum(one.clock.steps for one in self.sources)
+        steps = sum(one.clock_steps for one in self.sources)
         estimator = self.estimator
         facts = Facts(
             now_ns=now_ns,

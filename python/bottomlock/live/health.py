@@ -103,8 +103,8 @@ def _source(live: Live, place: int, now_ns: int) -> dict[str, Any]:
         "refused": dict(one.refused),
         "bytes_dropped": one.reader.framer.dropped,
         "pieces_not_read": connection.not_read,
-        "clock_steps": one.clock.steps,
-        "late": one.clock.late,
+        "clock_steps": one.clock_steps,
+        "late": sum(clock.late for clock in one.clocks.values()),
     }
 
 

@@ -32,7 +32,7 @@ from bottomlock.recordings.readings import (
     Triple,
 )
 from bottomlock.recordings.rotation import quaternion
-from bottomlock.recordings.sensors import GPS, IMU, INSTRUMENTS, is_on_earth
+from bottomlock.recordings.sensors import FILLER, GPS, IMU, INSTRUMENTS, is_on_earth
 
 _EARLIEST_NS, _LATEST_NS = -(2**62), 2**62
 SLOW_HZ = 10.0
@@ -337,7 +337,7 @@ Message = Any
 
 
 def _finite(*values: float) -> None:
-    if not all(map(math.isfinite, values)):
+    if not all(abs(value) < FILLER for value in values):
         raise DataError("numbers that are not finite")
 
 

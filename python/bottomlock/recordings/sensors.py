@@ -31,6 +31,8 @@ from bottomlock.recordings.readings import (
 from bottomlock.recordings.rotation import angles, quaternion
 
 MOST_LATITUDE_DEG, MOST_LONGITUDE_DEG = 90.0, 360.0
+FILLER = 1e12
+"""The kernel takes no such number, in SI: it stands for a missing value."""
 Reports = Sequence[Report]
 Arrays = dict[str, np.ndarray]
 Logged = Mapping[str, Arrays]
@@ -78,6 +80,8 @@ class Instrument:
 
     def of_line(self, time_ns: int, values: list[float]) -> Any:  # noqa: ANN401 - of its class
         """The reading of a line's time and numbers; None for numbers that cannot be."""
+        if max(map(abs, values), default=0.0) >= FILLER:
+            return None
         if self.make is not None:
             return self.make(time_ns, values)
         rest = iter(values)
