@@ -43,6 +43,13 @@ def test_errors_far_beyond_are_named() -> None:
     assert float(found.text.split()[5]) == pytest.approx(4.0, rel=0.2)
 
 
+def test_the_noise_of_the_reference_is_in_its_errors() -> None:
+    """Positions by acoustics scatter by three times the claim of a filter that is right."""
+    frame = samples(4, 300, 0.0, {"position": np.hypot(1.0, 3.0)})
+    for sd_m, kinds in ((0.0, ["claims"]), (6.0, [])):
+        assert [one.kind for one in claims_findings(frame, ["tc"], sd_m)] == kinds
+
+
 def test_one_long_error_is_one_value() -> None:
     """An offset of two σ that stays is 2σ of one value an axis; of ten σ it is far beyond."""
     frame = samples(2, 300, 0.0, {"position": 0.0})

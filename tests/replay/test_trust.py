@@ -307,8 +307,9 @@ def test_the_reference_at_the_end_and_over_time() -> None:
     assert found is not None
     assert found.end_m == pytest.approx(5.0)
     assert found.end_sigmas == pytest.approx(5.0 / np.hypot(5.0, 5.0))
-    # The first row is the start itself: 0, 1, 1 in the north and 0, 0, 1 in the east.
-    assert found.rms_sigmas == pytest.approx(np.sqrt(3.0 / 6.0))
+    # The first row is the start itself: 0, 3, 3 in the north and 0, 0, 4 in the east.
+    squares = 18.0 / (3.0**2 + 12.5) + 16.0 / (4.0**2 + 12.5)
+    assert found.rms_sigmas == pytest.approx(np.sqrt(squares / 6.0))
     assert (found.rms_m, found.sd_m) == pytest.approx((np.sqrt((9.0 + 25.0) / 3.0), 5.0))
 
 

@@ -86,7 +86,7 @@ def diagnose(
         verdict, state = verdict_finding(seen, likeliest, own)
     further = [
         *_astray(agreed),
-        *claims_findings(samples, methods),
+        *claims_findings(samples, methods, reference_sd_m),
         *earth_findings(prepared.model.environment, samples),
         *left_out_findings(prepared.streams.left_out),
         *_beyond_track(case, prepared),

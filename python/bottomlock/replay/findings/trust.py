@@ -44,7 +44,7 @@ class Reference:
         method: whose.
         end_m: distance at the end.
         end_sigmas: the same over the root of the sum of the squares of both σ.
-        rms_sigmas: RMS of the error over claimed σ.
+        rms_sigmas: RMS of the error over the same of an axis, over time.
         rms_m: RMS of the error.
         sd_m: noise of the reference, root of the sum over both axes.
     """
@@ -69,7 +69,7 @@ class Reference:
         """The comparison in one sentence."""
         return (
             f"Reference: {self.method} is {metres(self.end_m)} off at the end, {self.end_sigmas:.1f} times what both "
-            f"claim; error over claimed σ {self.rms_sigmas:.2g} RMS, horizontally."
+            f"claim, {self.rms_sigmas:.2g} times RMS over time, horizontally."
         )
 
 
@@ -186,7 +186,8 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
         np.linalg.norm(errors[-1]),
         np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
     )
-    rms, rms_m = np.sqrt(np.mean((errors / sd) ** 2)), np.sqrt(np.mean((errors**2).sum(axis=1)))
+    rms = np.sqrt(np.mean((errors / np.hypot(sd, reference_sd_m)) ** 2))
+    rms_m = np.sqrt(np.mean((errors**2).sum(axis=1)))
     noise_m = float(np.sqrt(2.0) * reference_sd_m)
     return Reference(method, float(end_m), float(end_m / both_m), float(rms), float(rms_m), noise_m)
 

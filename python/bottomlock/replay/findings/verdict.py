@@ -198,7 +198,9 @@ FEWEST = 10
 """Samples from which on a claim is judged."""
 
 
-def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Finding]:
+def claims_findings(
+    samples: pl.DataFrame, methods: Sequence[str], reference_sd_m: float = 0.0
+) -> list[Finding]:
     """Position, velocity and attitude whose errors over claimed σ are far beyond chi-squared.
 
     Errors last: a series is worth as many values as it has correlation times, at least one an axis. The first sample is
@@ -207,6 +209,7 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
     Args:
         samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
         methods: of the case.
+        reference_sd_m: 1 sigma of a position of the reference along an axis, which is in its errors.
     """
     used = [m for m in (*PREFERRED, *methods) if m in methods and m != "ins"]
     if not used:
@@ -214,8 +217,12 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
     rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == used[0])).slice(1)
     found = []
     for quantity, (what, ends) in _COMPONENTS.items():
+        noise = reference_sd_m if quantity == "position" else 0.0
         ratios = [
-            (rows[f"err_{what}_{end}"] / rows[f"sd_{what}_{end}"]).drop_nulls().to_numpy() for end in ends
+            (rows[f"err_{what}_{end}"] / (rows[f"sd_{what}_{end}"] ** 2 + noise**2).sqrt())
+            .drop_nulls()
+            .to_numpy()
+            for end in ends
         ]
         # A reference without a height has no error of down.
         ratios = [one[np.isfinite(one)] for one in ratios if len(one)]
@@ -234,9 +241,9 @@ def claims_findings(samples: pl.DataFrame, methods: Sequence[str]) -> list[Findi
             Finding(
                 "claims", "warning", float(mean * worth.sum()),
                 f"The error of {quantity} is {np.sqrt(mean):.1f} times the claimed 1 sigma.",
-                f"Method {used[0]}, RMS over time and axes against the reference; a consistent filter stays below "
-                f"{most:.1f} with errors that last as these ({worth.sum():.0f} independent values). Worst is "
-                f"{ends[worst].rsplit('_', 1)[0]}: {np.sqrt(squares[worst]):.1f}.",
+                f"Method {used[0]}, RMS over time and axes against the reference, its noise included; a consistent "
+                f"filter stays below {most:.1f} with errors that last as these ({worth.sum():.0f} independent values). "
+                f"Worst is {ends[worst].rsplit('_', 1)[0]}: {np.sqrt(squares[worst]):.1f}.",
                 f"{_ADVICE[quantity]} Or the reference is not that good.",
             )
         )  # fmt: skip
