@@ -161,10 +161,10 @@ def test_a_reading_far_off_is_rejected_and_shown(entries: Arrivals) -> None:
     time_ns = stamp(30.05)
     far = (time_ns + 20_000_000, AHRS, f"{time_ns},0.0,0.0,{float(dive().rpy[1502, 2] + np.pi)!r}\n".encode())
     engine = flown(made(), sorted([*entries, far], key=lambda entry: entry[:2]))
-    assert engine.estimator.gated["heading"] == clean.estimator.gated["heading"] + 1
+    assert engine.estimator.doubts.gated["heading"] == clean.estimator.doubts.gated["heading"] + 1
     assert engine.state == "OK"
     shown = status(Live(engine.config, engine, say=lambda _: None, send=lambda _: None))
-    assert shown["gated"] == {"heading": engine.estimator.gated["heading"]}
+    assert shown["gated"] == {"heading": engine.estimator.doubts.gated["heading"]}
     assert f'bottomlock_gated_total{{sensor="heading"}} {shown["gated"]["heading"]}\n' in metrics(shown)
     np.testing.assert_allclose(
         navigator_of(engine).state()["position_t_m"], navigator_of(clean).state()["position_t_m"], atol=1e-9

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bottomlock.io.beams import read_geometry
+from bottomlock.live.doubts import Contradiction, Doubt, Doubts
 from bottomlock.live.sections import StatesSection
-from bottomlock.live.states import ORDER, Contradiction, Contradictions, Facts, StateMachine, judge
+from bottomlock.live.states import ORDER, Facts, StateMachine, judge
 from bottomlock.ports.estimate import SILENT, State
 
 S = 1_000_000_000
@@ -25,9 +28,15 @@ GOOD = Facts(
     imu_age_ns=S // 100,
     imu_period_ns=S // 100,
     velocity_sd_mps=0.01,
-    rejected=0,
+    doubt=Doubt(),
     stepped=False,
 )
+
+
+def changed(**change: Any) -> Facts:  # noqa: ANN401 - of any fact
+    """Good facts with others, and with doubts."""
+    doubt = {key: change.pop(key) for key in tuple(change) if key in Doubt.__dataclass_fields__}
+    return replace(GOOD, **change, doubt=Doubt(**doubt))
 
 
 @pytest.mark.parametrize(
@@ -71,14 +80,14 @@ GOOD = Facts(
             "no inertial readings for 1.0 s: the last one was rejected, in deg/s?",
         ),
         (
-            {"contradiction": Contradiction("gps_position", 5, S)},
+            {"longest": Contradiction("gps_position", 5, S)},
             "PARTIAL",
             "PARTIAL",
             "gps position has contradicted the",
         ),
-        ({"contradiction": Contradiction("heading", 4, S)}, "OK", "OK", "beams determine the whole velocity"),
+        ({"longest": Contradiction("heading", 4, S)}, "OK", "OK", "beams determine the whole velocity"),
         (
-            {"contradiction": Contradiction("heading", 9, S - 1)},
+            {"longest": Contradiction("heading", 9, S - 1)},
             "OK",
             "OK",
             "beams determine the whole velocity",
@@ -92,15 +101,14 @@ GOOD = Facts(
 def test_conditions(change: dict[str, object], navigation: str, velocity: str, why: str) -> None:
     """Each condition of docs/live.md, at its limit."""
     for mode, expected in (("navigation", navigation), ("velocity", velocity)):
-        state, words = judge(replace(GOOD, mode=mode, **change), LIMITS)  # type: ignore[arg-type]
+        state, words = judge(changed(mode=mode, **change), LIMITS)
         assert state == expected
         if expected == navigation:
             assert words.startswith(why)
 
 
 facts = st.builds(
-    replace,
-    st.just(GOOD),
+    changed,
     rank=st.integers(0, 3),
     ping_age_ns=st.none() | st.integers(0, 2 * S),
     imu_age_ns=st.none() | st.integers(0, 2 * S),
@@ -110,7 +118,7 @@ facts = st.builds(
     water_age_ns=st.none() | st.integers(0, 2 * S),
     waiting_for=st.sampled_from(["", "", "", "x"]),
     lasting=st.booleans(),
-    contradiction=st.none() | st.builds(Contradiction, st.just("depth"), st.integers(3, 6), st.just(S)),
+    longest=st.none() | st.builds(Contradiction, st.just("depth"), st.integers(3, 6), st.just(S)),
 )
 
 
@@ -131,9 +139,9 @@ def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]
             asked, contradicted = [], []
             assert state == "INITIALISING"
             continue
-        contradicted += [(now, "UNSAFE")] if one.rejected >= 5 else []
-        is_long = one.contradiction is not None and one.contradiction.readings >= 5
-        contradicted += [(now, "PARTIAL")] if is_long or one.lasting else []
+        contradicted += [(now, "UNSAFE")] if one.doubt.rejected >= 5 else []
+        is_long = one.doubt.longest is not None and one.doubt.longest.readings >= 5
+        contradicted += [(now, "PARTIAL")] if is_long or one.doubt.lasting else []
         recent = [least for at, least in contradicted if now - at < 10 * S]
         wanted = max([wanted, *recent], key=ORDER.index)
         asked = [(at, one_state) for at, one_state in asked if now - at < S] + [(now, wanted)]
@@ -143,33 +151,33 @@ def test_the_state_is_the_worst_of_the_last_second(steps: list[tuple[int, Facts]
 
 def test_the_run_of_rejections_that_has_lasted_longest() -> None:
     """One that is accepted ends its run; beams, water and what is revised are no part of it."""
-    runs = Contradictions()
+    doubts = Doubts(read_geometry("waterlinked_a50"))
 
     def take(
         at_s: int, sensor: str, verdict: str = "rejected", factor: float | None = None, **kinds: bool
     ) -> None:
         report = {"sensor": sensor, "verdict": verdict, "inflation": factor, "revised": False, **kinds}
-        runs.take(SimpleNamespace(time_ns=at_s * S, **report))  # type: ignore[arg-type]
+        doubts.take(SimpleNamespace(time_ns=at_s * S, **report))  # type: ignore[arg-type]
 
     for at_s in range(4):
         take(at_s, "beams")
         take(at_s, "water_track")
         take(at_s, "heading", revised=True)
-    none = runs.longest
+    none = doubts.now.longest
     assert none is None
     for at_s in range(4, 9):
         take(at_s, "heading")
     for at_s in range(8, 11):
         take(at_s, "gps_position")
-    assert runs.longest == Contradiction("heading", 5, 4 * S)
-    assert str(runs.longest) == "heading has contradicted the estimate for 4 s"
+    assert doubts.now.longest == Contradiction("heading", 5, 4 * S)
+    assert str(doubts.now.longest) == "heading has contradicted the estimate for 4 s"
     take(9, "heading", "accepted")
-    assert runs.longest == Contradiction("gps_position", 3, 2 * S)
+    assert doubts.now.longest == Contradiction("gps_position", 3, 2 * S)
 
 
 def test_the_mean_of_pings_contradicts_once_a_ping_that_was_accepted_charges() -> None:
     """What is charged after a rejected ping is of rejections, and the next ping ends either."""
-    runs = Contradictions()
+    doubts = Doubts(read_geometry("waterlinked_a50"))
     found = []
     for verdict, factor in [
         ("accepted", None),
@@ -178,8 +186,8 @@ def test_the_mean_of_pings_contradicts_once_a_ping_that_was_accepted_charges() -
         ("rejected", None),
         ("accepted", 9.0),
     ]:
-        runs.take(
+        doubts.take(
             SimpleNamespace(time_ns=0, sensor="beams", verdict=verdict, inflation=factor, revised=False)  # type: ignore[arg-type]
         )
-        found.append(runs.lasting)
+        found.append(doubts.now.lasting)
     assert found == [False, True, False, False, False]

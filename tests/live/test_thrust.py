@@ -67,7 +67,7 @@ def test_propulsion_holds_the_velocity(sensor: str, axes: int, share: float, fac
     assert (np.abs(lost) < 3.0 * alone)[:axes].all()
     assert (sd < share * alone)[:axes].all()
     assert engine.state == "COASTING"
-    assert dict(engine.estimator.gated) == {}
+    assert dict(engine.estimator.doubts.gated) == {}
 
 
 def test_damaged_forces_cost_themselves_alone() -> None:
@@ -81,5 +81,5 @@ def test_damaged_forces_cost_themselves_alone() -> None:
     assert (sd[:2] < 0.5 * alone[:2]).all()
     source = engine.sources[2]
     assert source.used == len(damaged) - len(bad)
-    # What is no number is no reading.
-    assert sum(source.refused.values()) == len(bad) - 1
+    # What is no number, or a filler, is no reading.
+    assert sum(source.reader.skipped.values()) == len(bad) - 1

@@ -14,7 +14,8 @@ from bottomlock.config.imu import without_gyrocompass
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.kernel.models import InitialState
-from bottomlock.live.estimator import PINGS, closes, solve_ping
+from bottomlock.live.doubts import PINGS, closes
+from bottomlock.live.estimator import solve_ping
 from bottomlock.live.left_off import LeftOff
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig
 from bottomlock.live.sections import ImuFromAttitude, StartSection

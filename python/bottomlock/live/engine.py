@@ -13,11 +13,12 @@ from bottomlock.io.rows import Options
 from bottomlock.io.sentences import without_numbers
 from bottomlock.live.clock import ClockMap
 from bottomlock.live.config import LiveConfig
+from bottomlock.live.doubts import Reasons
 from bottomlock.live.estimator import Estimator, VelocityEstimator
 from bottomlock.live.navigator_config import kernel_settings
 from bottomlock.live.readings import LineReader, MavlinkReader, PingReader, Reader, RosReader
 from bottomlock.live.sections import DVL_FORMATS, ROS_TYPES, ImuSection, SourceSection
-from bottomlock.live.states import Facts, Reasons, StateMachine
+from bottomlock.live.states import Facts, StateMachine
 from bottomlock.ports.estimate import SILENT, Estimate, State
 from bottomlock.ports.port import Port
 from bottomlock.recordings.readings import Ping, Reading
@@ -284,14 +285,10 @@ class Engine:
             imu_age_ns=self._age(now_ns, estimator.imu_used_ns),
             imu_period_ns=self._imu_period_ns,
             velocity_sd_mps=estimator.velocity_sd_mps,
-            rejected=estimator.rejected,
-            lasting=estimator.others.lasting,
             stepped=steps > self._steps_seen,
-            closure_ratio=estimator.closure.ratio,
-            own_ratio=estimator.closure.own_ratio,
+            doubt=estimator.doubts.now,
             water_age_ns=self._age(now_ns, estimator.water_used_ns),
             imu_fault=estimator.imu_fault,
-            contradiction=estimator.others.longest,
             fault=self._failed or estimator.fault,
         )
         self._steps_seen = steps

@@ -2,99 +2,20 @@
 
 No filter tests the beams of that mode: a beam is compared with its own reading before, and the beams of a complete ping
 with one another. The limits follow from the claimed noise and from the largest acceleration of the vehicle.
-
-The closure of the last complete pings shows whether the beams agree as well as their noise claims: more
-than three are redundant, and the combinations that no velocity causes hold noise alone. A Janus closes whatever its
-azimuths and its tilt, so the instrument's own velocity is compared with the beams too.
 """
 
 import math
-from collections import deque
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bottomlock.io.beams import Instrument
 from bottomlock.kernel import BeamGeometry, VelocityFixes, solve_velocity
 from bottomlock.live.config import LiveConfig
-from bottomlock.live.states import Contradictions, Reasons
+from bottomlock.live.doubts import Doubts, closes
 from bottomlock.ports.estimate import Estimate, State, VelocityMethod
-from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.readings import Ping, Reading
-
-PINGS = 20
-"""Complete pings that are judged together."""
-_GAUSSIAN = 0.6745
-"""Median of |z| of a standard normal z."""
-
-
-def whitened_closure(geometry: BeamGeometry, sd_mps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k, n) combinations of the readings over their claimed noise that no velocity causes, each of variance 1."""
-    return closure_rows(geometry.directions_p / sd_mps[:, np.newaxis])
-
-
-CLOSURE_SD = 3.29
-"""Closure of a complete ping over its 1 sigma that noise does not reach: once in 1,000."""
-
-
-def closes(geometry: BeamGeometry, velocity_mps: NDArray[np.float64], sd_mps: NDArray[np.float64]) -> bool:
-    """Whether the beams (n,) of a complete ping agree within their claimed noise; also where none is redundant."""
-    closure = whitened_closure(geometry, sd_mps) @ (velocity_mps / sd_mps)
-    return not closure.size or float(np.abs(closure).max()) <= CLOSURE_SD
-
-
-class Closure:
-    """Scatter of the closure, and of the beams about the instrument's own velocity, over what the beams' noise claims.
-
-    Args:
-        instrument: the beams, and the mounting of their axes.
-
-    Attributes:
-        ratio: of the closure, robust, over the last `PINGS` complete pings; None before there are so many, and with
-            three beams. With Gaussian noise as claimed it exceeds 3 once in 400 million sets of pings.
-        own_ratio: of the beams less those of the instrument's own velocity, likewise; None where it states none.
-
-    Examples:
-        >>> from bottomlock.io.beams import read_geometry
-        >>> a50 = read_geometry("waterlinked_a50")  # claims 4 mm/s
-        >>> closure, one = Closure(a50), np.array([0.08, 0.0, 0.0, 0.0])
-        >>> pings = [Ping.of_beams(0, sign * one) for sign in [1.0, -1.0] * 10]
-        >>> for ping in pings: closure.add(replace(ping, sd_mps=a50.beam_sd_mps))
-        >>> round(closure.ratio)
-        15
-    """
-
-    def __init__(self, instrument: Instrument) -> None:
-        self._geometry = instrument.geometry
-        # An instrument that knows its mounting states its velocity in the platform's axes, another one in its own.
-        mounted = BeamGeometry(np.eye(3), mounting_rpy_rad=instrument.mounting_rpy_rad)
-        self._axes = self._geometry.directions_p, self._geometry.directions_p @ mounted.directions_p.T
-        self._last: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
-        self._own: deque[NDArray[np.float64]] = deque(maxlen=PINGS)
-        self.ratio: float | None = None
-        self.own_ratio: float | None = None
-
-    def add(self, ping: Ping) -> None:
-        """Takes a ping, whose `sd_mps` is the claimed noise of each beam."""
-        if not ping.valid.all():
-            return
-        own_mps = ping.own_mps
-        if np.isfinite(own_mps).all():
-            apart = [(ping.velocity_mps - axes @ own_mps) / ping.sd_mps for axes in self._axes]
-            self._own.append(min(apart, key=lambda one: float(np.abs(one).max())))
-            self.own_ratio = _robust(self._own)
-        rows = whitened_closure(self._geometry, ping.sd_mps)
-        if rows.size:
-            self._last.append(rows @ (ping.velocity_mps / ping.sd_mps))
-            self.ratio = _robust(self._last)
-
-
-def _robust(last: Collection[NDArray[np.float64]]) -> float | None:
-    return float(np.median(np.abs(list(last))) / _GAUSSIAN) if len(last) == PINGS else None
-
 
 JUMP_SD = 4.0
 """Difference of two readings over its 1 sigma that noise does not reach: once in 16,000 readings."""
@@ -205,15 +126,12 @@ class Estimator:
     Attributes:
         fault: why the estimate cannot be used at all; "" if it can.
         rank: directions that the used beams of the last ping with a valid beam determine.
-        closure: of the beams, against their claimed noise.
-        rejected: pings in a row that the gate has rejected.
+        doubts: what speaks against the estimate.
         resets: discontinuities that no measurement explains, since the start.
         ping_used_ns: arrival of what made a beam used the last time; None before the first.
         imu_used_ns: the same of inertial readings, or of attitudes in their place.
         water_used_ns: the same of beams of the water that determine the whole velocity through it.
         last: what is known of the last ping, for the health page.
-        others: sensors beside the beams whose readings contradict the estimate.
-        gated: measurements beside the pings that the gate has rejected, by sensor.
     """
 
     def __init__(self, config: LiveConfig) -> None:
@@ -221,15 +139,13 @@ class Estimator:
         self._fixes: VelocityFixes | None = None
         self._beams: Ping | None = None
         self.fault = ""
-        self.rank = self.rejected = self.resets = 0
+        self.rank = self.resets = 0
         self.ping_used_ns: int | None = None
         self.imu_used_ns: int | None = None
         self.water_used_ns: int | None = None
         beams = self._instrument.geometry.beams
         self.last = LastPing(np.full(beams, np.nan), np.zeros(beams, dtype=bool))
-        self.gated = Reasons()
-        self.others = Contradictions()
-        self.closure = Closure(self._instrument)
+        self.doubts = Doubts(self._instrument)
 
     @property
     def imu_fault(self) -> str:
@@ -293,7 +209,7 @@ class VelocityEstimator(Estimator):
         if not isinstance(reading, Ping):
             return
         ping = self._config.with_noise(reading, self._instrument)
-        self.closure.add(ping)
+        self.doubts.ping(ping)
         velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         kept = self._jumps.kept(time_ns, ping.velocity_mps, ping.valid, ping.sd_mps)
         ping = replace(ping, valid=kept)

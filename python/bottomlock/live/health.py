@@ -69,7 +69,7 @@ def status(live: Live) -> dict[str, Any]:
         "rank": estimator.rank,
         "ping": {"verdict": estimator.last.verdict, "why": estimator.last.why, "nis": estimator.last.nis},
         **estimator.known(),
-        "gated": dict(estimator.gated),
+        "gated": dict(estimator.doubts.gated),
         "sources": [_source(live, place, now_ns) for place in range(len(engine.sources))],
         "ports": [_port(live, place) for place in range(len(engine.ports))],
         "raw_log": None if live.log is None else {"file": live.log.path.name, "bytes": live.log.bytes},

@@ -9,19 +9,15 @@ import numpy as np
 from bottomlock.kernel import KernelError, Navigator, Report, VelocityFixes
 from bottomlock.live.aligned import AlignedNavigator
 from bottomlock.live.config import LiveConfig
+from bottomlock.live.doubts import ACCEPTED, BEAM_SENSORS
 from bottomlock.live.estimator import Estimator, LastPing, on_host_clock, solve_ping
 from bottomlock.live.navigator_config import kernel_settings
-from bottomlock.live.states import BEAM_SENSORS, Contradictions
 from bottomlock.ports.estimate import Estimate, State
 from bottomlock.recordings.readings import Ping, Reading
-from bottomlock.recordings.sensors import SENSORS
 from bottomlock.recordings.streams import Flags
 
 T = TypeVar("T")
 
-_ACCEPTED = ("accepted", "accepted_in_part")
-_AIDING = {name for sensor in SENSORS for name in sensor.updates}
-"""The kernel's names of the other measurements."""
 _PENDING = 256
 
 
@@ -140,14 +136,15 @@ class NavigationEstimator(Estimator):
         self._aligned.restart()
         self._pings.clear()
         self._waters.clear()
-        self._fixes, self.rank, self.rejected = None, 0, 0
+        self._fixes, self.rank = None, 0
+        self.doubts.forget()
         self.resets += 1
 
     def _forget(self) -> None:
         """Of a navigator before."""
         self._pings.clear()
         self._waters.clear()
-        self.others = Contradictions()
+        self.doubts.forget()
         self.ping_used_ns = self.water_used_ns = None
 
     def continue_from(self, navigator: Navigator) -> None:
@@ -162,7 +159,7 @@ class NavigationEstimator(Estimator):
         fixes = self._aligned.solve(time_ns, ping)
         velocity_mps = np.where(ping.valid, ping.velocity_mps, np.nan)
         self.last = LastPing(velocity_mps, np.zeros_like(ping.valid), "no valid beam")
-        self.closure.add(ping)
+        self.doubts.ping(ping)
         self._beams = on_host_clock(ping, time_ns)
         if self.navigator is None:
             return
@@ -178,7 +175,7 @@ class NavigationEstimator(Estimator):
 
     def _judged_water(self, report: Report, valid: Flags) -> None:
         """What the gate made of a ping of the water."""
-        if report.verdict not in _ACCEPTED:
+        if report.verdict not in ACCEPTED:
             return
         used = np.flatnonzero(valid)
         rows = np.asarray(report.rejected_rows, dtype=bool)
@@ -189,16 +186,11 @@ class NavigationEstimator(Estimator):
 
     def _take(self, reports: Sequence[Report]) -> None:
         for report in reports:
-            self.others.take(report)
+            self.doubts.take(report)
             if report.sensor in BEAM_SENSORS and report.time_ns in self._pings:
                 self._judged(report, *self._pings.pop(report.time_ns))
             elif report.sensor == "water_track" and report.time_ns in self._waters:
                 self._judged_water(report, self._waters.pop(report.time_ns))
-                if report.verdict == "rejected":
-                    self.gated.add("water_track")
-            # A revised report is of a measurement that was counted.
-            elif report.verdict == "rejected" and report.sensor in _AIDING and not report.revised:
-                self.gated.add(report.sensor)
 
     def _judged(self, report: Report, ping: Ping, fixes: VelocityFixes) -> None:
         """What the gate made of a ping."""
@@ -207,12 +199,9 @@ class NavigationEstimator(Estimator):
         self.last.nis = float(report.nis) / degrees if degrees else None
         self.last.verdict, self.last.why = verdict, report.reason or ""
         if verdict == "rejected":
-            self.rejected += 1
             self.rank = 0
+        if verdict not in ACCEPTED:
             return
-        if verdict not in _ACCEPTED:
-            return
-        self.rejected = 0
         used = ping.valid.copy()
         rows = np.asarray(report.rejected_rows, dtype=bool)
         if rows.shape == (int(used.sum()),):

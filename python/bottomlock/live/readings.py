@@ -17,8 +17,8 @@ from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import PLAIN, Options
 from bottomlock.io.sentences import hexadecimal, number, whole, xor_of
 from bottomlock.io.tlog import MESSAGES
+from bottomlock.live.doubts import Reasons
 from bottomlock.live.sections import ROS_TYPES, AttitudeMessage, DepthSection
-from bottomlock.live.states import Reasons
 from bottomlock.ports.mavlink import dialect
 from bottomlock.recordings.readings import (
     AcousticPositionReading,

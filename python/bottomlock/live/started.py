@@ -18,11 +18,10 @@ from bottomlock.io.beams import Instrument
 from bottomlock.kernel import METHODS, RECOMMENDED_METHOD, Navigator, Report
 from bottomlock.kernel.models import ImuModel
 from bottomlock.live.aligned import AlignedNavigator
-from bottomlock.live.estimator import Closure
+from bottomlock.live.doubts import Doubts, Reasons
 from bottomlock.live.navigator_config import KernelSettings, NavigatorConfig, kernel_settings
 from bottomlock.live.readings import ROUNDING
 from bottomlock.live.sections import HEADING_SD_DEG, ImuFromAttitude, StatesSection
-from bottomlock.live.states import BEAM_SENSORS, Contradictions, Reasons, contradictions, contradicts
 from bottomlock.own_method import DEAD_RECKONING, AnyMethod, known_names, name_of
 from bottomlock.recordings.readings import (
     AttitudeReading,
@@ -163,9 +162,7 @@ class StartedNavigator:
         self._config, self._instrument = config, instrument
         self._aligned = AlignedNavigator(config, instrument, settings, longest_attitude_s=SLOWEST_ATTITUDE_S)
         self.unused = Reasons()
-        self._closure = Closure(instrument)
-        self._rejected = 0
-        self._others = Contradictions()
+        self._doubts = Doubts(instrument)
 
     def push(self, reading: Reading | Ping) -> list[Report]:
         """Takes a reading at its time of validity.
@@ -187,9 +184,7 @@ class StartedNavigator:
             return []
         reports = self._taken(reading)
         for report in reports:
-            self._others.take(report)
-            if report.sensor in BEAM_SENSORS:
-                self._rejected = self._rejected + 1 if report.verdict == "rejected" else 0
+            self._doubts.take(report)
         return reports
 
     def _taken(self, reading: Reading | Ping) -> list[Report]:
@@ -204,7 +199,7 @@ class StartedNavigator:
         ping = self._config.with_noise(ping, self._instrument)
         reports = list(self._aligned.beams(ping.time_ns, ping))
         self._aligned.solve(ping.time_ns, ping)  # after it, so that a ping that is refused gives no velocity
-        self._closure.add(ping)
+        self._doubts.ping(ping)
         if self.navigator is None:
             return []
         if ping.water is not None and self._config.water_track is None:
@@ -234,10 +229,8 @@ class StartedNavigator:
     @property
     def warnings(self) -> list[str]:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
-        ratios = self._closure.ratio, self._closure.own_ratio
-        limits = StatesSection()
-        other = contradicts(self._others.longest, limits, is_lasting=self._others.lasting)
-        return contradictions(self._rejected, *ratios, limits) + ([] if other is None else [other[1]])
+        limits, doubt = StatesSection(), self._doubts.now
+        return [*doubt.of_pings(limits), *(words for _, words in doubt.of_others(limits))]
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""
