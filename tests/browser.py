@@ -98,10 +98,10 @@ class Browser:
         settings = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self._call("Emulation.setDeviceMetricsOverride", **settings)
 
-    def media(self, *, dark: bool = False, paper: bool = False) -> None:
-        """The reader's colours, and screen or paper."""
+    def media(self, *, dark: bool = False) -> None:
+        """The reader's colours."""
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-        self._call("Emulation.setEmulatedMedia", media="print" if paper else "screen", features=features)
+        self._call("Emulation.setEmulatedMedia", media="screen", features=features)
 
     def value(self, script: str) -> Any:  # noqa: ANN401 - any JSON value
         """What an expression of JavaScript is on the page."""
@@ -126,19 +126,10 @@ class Browser:
             time.sleep(0.05)
         raise TimeoutError(script)
 
-    def mouse(self, *places: tuple[float, float], held: bool = False) -> None:
-        """Moves the pointer through places of the window, CSS pixels; its button is held from the first to the last."""
-        buttons = {"button": "left", "buttons": 1, "clickCount": 1} if held else {}
-        self._pointer("mouseMoved", places[0])
-        if held:
-            self._pointer("mousePressed", places[0], **buttons)
-        for place in places[1:]:
-            self._pointer("mouseMoved", place, **buttons)
-        if held:
-            self._pointer("mouseReleased", places[-1], button="left", clickCount=1)
-
-    def _pointer(self, kind: str, place: tuple[float, float], **more: Any) -> None:  # noqa: ANN401 - any JSON value
-        self._call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **more)
+    def mouse(self, *places: tuple[float, float]) -> None:
+        """Moves the pointer through places of the window, CSS pixels."""
+        for x, y in places:
+            self._call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
     def scripts(self, *, allowed: bool) -> None:
         """Whether the pages that are opened from now on may run scripts."""
@@ -157,11 +148,6 @@ class Browser:
             self._call(
                 "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **text
             )
-
-    def accessible(self) -> list[dict[str, Any]]:
-        """The nodes that a screen reader is given."""
-        nodes: list[dict[str, Any]] = self._call("Accessibility.getFullAXTree")["nodes"]
-        return nodes
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
         self._sent += 1

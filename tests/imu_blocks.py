@@ -9,7 +9,7 @@ from bottomlock.kernel import Navigator
 
 
 def measured(
-    navigator: Navigator, drawn: dict[str, Any], times_ns: Iterable[int], *, done: int = 0
+    navigator: Navigator, drawn: dict[str, Any], times_ns: Iterable[int]
 ) -> Iterator[tuple[int, int]]:
     """Row and time of each measurement, once the navigator has the readings up to it.
 
@@ -17,8 +17,8 @@ def measured(
         navigator: takes the readings.
         drawn: of one run, as `kernel.simulate_sensors` returns them.
         times_ns: of the measurements, rising.
-        done: readings that the navigator already has.
     """
+    done = 0
     for row, time_ns in enumerate(times_ns):
         upto = int(np.searchsorted(drawn["imu_time_ns"], time_ns, side="right"))
         part = slice(done, upto)

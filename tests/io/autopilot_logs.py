@@ -60,7 +60,7 @@ def record(name: str, *values: Any) -> bytes:  # noqa: ANN401 - numbers and name
     return b"\xa3\x95" + bytes([kind]) + struct.pack("<" + "".join(PACKED[c] for c in types), *values)
 
 
-def head(names: Iterable[str], *, units: bool = True, unit_of: dict[str, str] | None = None) -> bytes:
+def head(names: Iterable[str], *, units: bool = True) -> bytes:
     """What a log begins with: the formats of some messages, and their units."""
     names = ["FMT", *(("UNIT", "FMTU", "MULT") if units else ()), *names]
     out = b""
@@ -69,7 +69,7 @@ def head(names: Iterable[str], *, units: bool = True, unit_of: dict[str, str] | 
         length = 3 + struct.calcsize("<" + "".join(PACKED[c] for c in types))
         out += record("FMT", kind, length, name.encode(), types.encode(), columns.encode())
     if units:
-        for one, label in (UNITS | (unit_of or {})).items():
+        for one, label in UNITS.items():
             out += record("UNIT", 1, ord(one), label.encode())
         for one, factor in FACTORS.items():
             out += record("MULT", 1, ord(one), factor)
@@ -130,17 +130,16 @@ SURFACE_PA, HULL_PA = 101_325.0, 99_000.0
 
 
 def write_bin(
-    dive: Dive, path: Path, *, dvl: str = "VISO", surfaced_s: float = 5.0, imus: int = 2, units: bool = True,
-    visv_body: bool = False, estimate_off_m: float = 0.0,
-) -> Path:  # fmt: skip
+    dive: Dive, path: Path, *, dvl: str = "VISO", surfaced_s: float = 5.0, visv_body: bool = False
+) -> Path:
     """The autopilot's own log: two IMUs, two barometers, the estimate, GPS at the surface, the DVL's velocity."""
     names = ["IMU", "ATT", "BARO", "GPS", "XKF1", *([dvl] if dvl else [])]
     rows: list[tuple[int, bytes]] = []
     for k, (second, w, f) in enumerate(zip(dive.imu_s, dive.omega, dive.force, strict=True)):
         us = _us(second)
-        for i in range(imus):
-            bias = 0.02 * i
-            rows.append((us, record("IMU", us, i, *(w + bias), *f, 0, 0, 25.0, 1, 1, 1000, 1000)))
+        rows += [
+            (us, record("IMU", us, i, *(w + 0.02 * i), *f, 0, 0, 25.0, 1, 1, 1000, 1000)) for i in range(2)
+        ]
         if k % 5 == 0:
             roll, pitch, yaw = np.rad2deg(dive.rpy[k])
             angles = [0, round(100 * roll), 0, round(100 * pitch), 0, round(100 * (yaw % 360.0))]
@@ -149,13 +148,12 @@ def write_bin(
             rows.append((us, record("BARO", us, 0, 0.0, HULL_PA + 30.0 * np.sin(second / 40.0), 2500, 0.0)))
             rows.append((us, record("BARO", us, 1, -down, SURFACE_PA + 1025.0 * 9.80665 * down, 1200, 0.0)))
             velocity = Rotation.from_euler("ZYX", dive.rpy[k][::-1]).apply(dive.velocity[k])
-            place = (north + estimate_off_m, east, down)
-            rows.append((us, record("XKF1", us, 0, 0, 0, 0, *velocity, 0.0, *place, 0, 0, 0, 0)))
+            rows.append((us, record("XKF1", us, 0, 0, 0, 0, *velocity, 0.0, north, east, down, 0, 0, 0, 0)))
             if second < surfaced_s:
                 rows.append((us, gps(us, (north, east, 0.0))))
     rows += _dvl(dive, dvl, body=visv_body)
     rows.sort(key=lambda one: one[0])
-    path.write_bytes(head(names, units=units) + b"".join(row for _, row in rows))
+    path.write_bytes(head(names) + b"".join(row for _, row in rows))
     return path
 
 
@@ -188,9 +186,7 @@ def _dvl(dive: Dive, name: str, *, body: bool) -> list[tuple[int, bytes]]:
     return []
 
 
-def write_tlog(
-    dive: Dive, path: Path, *, imu: str = "HIGHRES_IMU", dvl: str = "VISION_POSITION_DELTA"
-) -> Path:
+def write_tlog(dive: Dive, path: Path, *, imu: str = "HIGHRES_IMU") -> Path:
     """What a ground station logs of the same dive."""
     vehicle, companion = Station(), Station(255, 197)
     rng = np.random.default_rng(1)
@@ -221,11 +217,8 @@ def write_tlog(
     for k in range(1, len(seconds)):
         dt = seconds[k] - seconds[k - 1]
         us = _us(seconds[k])
-        if dvl == "VISION_POSITION_DELTA":
-            moved = [float(x) for x in 0.5 * (velocity[k] + velocity[k - 1]) * dt]
-            log(companion, us, dvl, us, round(dt * 1e6), [0.0] * 3, moved, 90.0)
-        else:
-            log(companion, us, dvl, us, *(float(x) for x in velocity[k]), [0.0] * 9, 0)
+        moved = [float(x) for x in 0.5 * (velocity[k] + velocity[k - 1]) * dt]
+        log(companion, us, "VISION_POSITION_DELTA", us, round(dt * 1e6), [0.0] * 3, moved, 90.0)
     out.sort(key=lambda one: one[0])
     path.write_bytes(b"".join(row for _, row in out))
     return path

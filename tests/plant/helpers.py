@@ -29,15 +29,13 @@ def coast(
     fins_rad: Sequence[float] | FloatArray | Callable[[FloatArray], FloatArray],
     shaft_rps: float,
     duration_s: float,
-    step_s: float = 0.02,
-    current_t_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> FloatArray:
     """Swim from a state (position, attitude, nu: 13) with fins held or set each step; states (n, 13)."""
     nu_dot = acceleration(vehicle, GRAVITY_MPS2, SCALAR)
 
     def rates(x: FloatArray, held: tuple[float, ...]) -> FloatArray:
         q0, q1, q2, q3, u, v, w, p, q, r = (float(value) for value in x[3:])
-        accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), (*held, shaft_rps), current_t_mps, (0.0,) * 3)
+        accel = nu_dot((q0, q1, q2, q3), (u, v, w, p, q, r), (*held, shaft_rps), (0.0,) * 3, (0.0,) * 3)
         turn = 0.5 * np.array(
             [
                 -q1 * p - q2 * q - q3 * r,
@@ -48,7 +46,7 @@ def coast(
         )
         return np.concatenate([to_tangent(q0, q1, q2, q3, u, v, w), turn, accel])
 
-    x = np.array(state, dtype=np.float64)
+    x, step_s = np.array(state, dtype=np.float64), 0.02
     track = [x]
     for _ in range(round(duration_s / step_s)):
         held = tuple(float(angle) for angle in (fins_rad(x) if callable(fins_rad) else fins_rad))

@@ -19,7 +19,7 @@ from tests.ros_messages import IMU, POSE, Messages, write_ros1, write_ros2
 START_NS = 1_700_000_000_000_000_000
 
 
-def write_bag(dive: Dive, path: Path, *, beams: bool = True, fixes: int = 40) -> Path:
+def write_bag(dive: Dive, path: Path, *, beams: bool = True) -> Path:
     """A ROS 2 bag in MCAP: IMU in forward, left, up; depth without header; USBL in east, north, up; a DVL."""
     made = Messages()
     t, flu = made.types, np.array([1.0, -1.0, -1.0])
@@ -32,7 +32,7 @@ def write_bag(dive: Dive, path: Path, *, beams: bool = True, fixes: int = 40) ->
             sent.append((ns + 3, "/depth", "std_msgs/msg/Float64", t["std_msgs/msg/Float64"](down)))
             if k % 50 == 0:
                 sent.append((ns, "/usbl/pose", POSE, made.usbl(ns, north, east, down, (0.0, 0.0, 0.0))))
-            state = t["sensor_msgs/msg/NavSatStatus"](0 if k < 5 * fixes else -1, 1)
+            state = t["sensor_msgs/msg/NavSatStatus"](0 if k < 200 else -1, 1)
             fix = t["sensor_msgs/msg/NavSatFix"](
                 made.header(ns, "gps"), state, 45.0, 10.0, 0.0, np.zeros(9), 0
             )

@@ -1,4 +1,4 @@
-"""Logs with known noise for the tests of `bottomlock tune`: arrays as the kernel takes them, and case folders."""
+"""Logs with known noise for the tests of `bottomlock tune`: arrays, and case folders."""
 
 import re
 from collections.abc import Mapping
@@ -12,16 +12,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bottomlock.kernel import EARTH_RATE_RADPS, BeamGeometry
-from bottomlock.kernel.models import (
-    DvlModel,
-    Environment,
-    ImuModel,
-    InitialModel,
-    InitialState,
-    MagnetometerModel,
-    Model,
-)
-from bottomlock.recordings.axes import from_angles, from_quaternions, to_angles
 from tests.toml_text import toml
 
 GRAVITY, LATITUDE_RAD = 9.8, 0.7
@@ -45,12 +35,10 @@ KINDS = (AUTOPILOT, TACTICAL, COARSE)
 
 @dataclass(frozen=True, eq=False)
 class Dive:
-    """A simulated dive: the log, the noise that made it, and the start."""
+    """A simulated dive: its arrays by sensor and quantity, SI, and the noise that made them."""
 
-    geometry: BeamGeometry
     log: dict[str, Any]
     noise: Mapping[str, float]
-    start: InitialState
 
 
 def walk(rng: np.random.Generator, count: int, width: int, sd: float, step_s: float) -> NDArray[np.float64]:
@@ -64,7 +52,6 @@ def dive(
     *,
     seconds: float = 420.0,
     rate_hz: float = 20.0,
-    ping_hz: float = 2.0,
     attitude_hz: float = 2.0,
 ) -> Dive:
     """A vehicle that turns and changes its speed.
@@ -72,7 +59,7 @@ def dive(
     Args:
         seed: of everything random.
         noise: 1 sigma of the errors.
-        seconds, rate_hz, ping_hz, attitude_hz: length, and rates of the sensors.
+        seconds, rate_hz, attitude_hz: length, and rates of IMU and attitude; that of the DVL is 2 Hz.
     """
     rng = np.random.default_rng(seed)
     step_s = 1.0 / rate_hz
@@ -106,9 +93,12 @@ def dive(
     rate += rng.normal(0.0, noise["gyro_bias"], 3) + walk(rng, count, 3, noise["gyro_walk"], step_s)
     force += rng.normal(0.0, noise["accel_noise"] / np.sqrt(step_s), (count, 3))
     rate += rng.normal(0.0, noise["gyro_noise"] / np.sqrt(step_s), (count, 3))
-    geometry = BeamGeometry.janus(TILT_RAD)
-    pings = np.arange(int(rate_hz / ping_hz), count, int(rate_hz / ping_hz))
-    beams = velocity_p[pings] @ np.asarray(geometry.directions_p).T * (1.0 + rng.normal(0.0, noise["scale"]))
+    pings = np.arange(int(rate_hz / 2.0), count, int(rate_hz / 2.0))
+    beams = (
+        velocity_p[pings]
+        @ np.asarray(BeamGeometry.janus(TILT_RAD).directions_p).T
+        * (1.0 + rng.normal(0.0, noise["scale"]))
+    )
     beams += rng.normal(0.0, noise["beam_bias"], 4) + rng.normal(0.0, noise["beam_noise"], beams.shape)
     sensed = np.arange(int(rate_hz / attitude_hz), count, int(rate_hz / attitude_hz))
     scatter = np.array([noise["tilt"], noise["tilt"], noise["yaw"]])
@@ -119,49 +109,10 @@ def dive(
         "omega_p_radps": rate,
         "dvl_time_ns": time_ns[pings],
         "beam_velocity_mps": beams,
-        "beam_valid": np.ones(beams.shape, dtype=bool),
-        "beam_sd_mps": np.full(beams.shape, noise["beam_noise"]),
         "attitude_time_ns": time_ns[sensed],
-        "attitude_t_p": from_angles(
-            *(rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter).T
-        ).as_quat(scalar_first=True),
+        "rpy_rad": rpy[sensed] + rng.normal(0.0, 1.0, (len(sensed), 3)) * scatter,
     }
-    initial = model(noise).initial
-    start = InitialState(
-        time_ns=0,
-        position_t_m=(0.0, 0.0, 0.0),
-        attitude_t_p=(
-            Rotation.from_rotvec(rng.normal(0.0, 1.0, 3) * initial.attitude_sd_rad) * attitude[0]
-        ).as_quat(scalar_first=True),
-        velocity_p_mps=velocity_p[0] + rng.normal(0.0, 1.0, 3) * initial.velocity_sd_mps,
-    )
-    return Dive(geometry, log, dict(noise), start)
-
-
-def model(noise: Mapping[str, float]) -> Model:
-    """The kernel's model of such noise."""
-    return Model(
-        environment=Environment(latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY),
-        imu=ImuModel(
-            accel_noise_mps_rts=noise["accel_noise"],
-            gyro_noise_rad_rts=noise["gyro_noise"],
-            accel_bias_sd_mps2=noise["accel_bias"],
-            gyro_bias_sd_radps=noise["gyro_bias"],
-            accel_bias_walk_mps2_rts=noise["accel_walk"],
-            gyro_bias_walk_radps_rts=noise["gyro_walk"],
-        ),
-        initial=InitialModel(
-            position_sd_m=(1e-3,) * 3, attitude_sd_rad=(0.02,) * 3, velocity_sd_mps=(0.05,) * 3
-        ),
-        dvl=DvlModel(
-            beam_noise_sd_mps=noise["beam_noise"],
-            beam_bias_sd_mps=noise["beam_bias"],
-            beam_bias_walk_mps_rts=0.0,
-            scale_factor_sd=noise["scale"],
-            scale_factor_walk_rts=0.0,
-        ),
-        magnetometer=MagnetometerModel(yaw_sd_rad=noise["yaw"], roll_pitch_sd_rad=noise["tilt"]),
-    )
+    return Dive(log, dict(noise))
 
 
 ACCEL_KEY, GYRO_KEY = "imu.errors.accel_noise_mps_per_rt_h", "imu.errors.gyro_noise_deg_per_rt_h"
@@ -187,15 +138,10 @@ def write_case(folder: Path, dived: Dive, factors: Mapping[str, float] | None = 
     }
     pl.DataFrame(imu).write_parquet(folder / "imu.parquet")
     beams = {"time_ns": log["dvl_time_ns"]}
-    for k in range(log["beam_valid"].shape[1]):
-        beams |= {
-            f"beam{k + 1}_mps": log["beam_velocity_mps"][:, k],
-            f"beam{k + 1}_valid": log["beam_valid"][:, k],
-        }
+    for k, velocity in enumerate(log["beam_velocity_mps"].T):
+        beams |= {f"beam{k + 1}_mps": velocity, f"beam{k + 1}_valid": np.ones(len(velocity), dtype=bool)}
     pl.DataFrame(beams).write_parquet(folder / "beams.parquet")
-    angles = dict(
-        zip(("roll", "pitch", "yaw"), to_angles(from_quaternions(log["attitude_t_p"])).T, strict=True)
-    )
+    angles = dict(zip(("roll", "pitch", "yaw"), log["rpy_rad"].T, strict=True))
     pl.DataFrame({"time_ns": log["attitude_time_ns"]} | angles).write_parquet(folder / "attitude.parquet")
     (folder / "dvl.toml").write_text(
         f'configuration = "x"\ntilt_deg = 30.0\nbeam_noise_mps = {noise["beam_noise"]}\n', encoding="utf-8"

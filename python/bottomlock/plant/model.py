@@ -29,7 +29,6 @@ from bottomlock.plant.vehicle import Vehicle
 
 ATTITUDE = slice(3, 7)
 NU = slice(7, 13)
-FINS = slice(13, 17)
 OWN = 13
 """Where the state of actuators and controllers begins."""
 
