@@ -291,7 +291,7 @@ pub(super) fn measured_block(sensor: Sensor) -> usize {
 }
 
 /// The states of a range.
-fn states(range: Range<usize>) -> [bool; DIM] {
+pub(super) fn states(range: Range<usize>) -> [bool; DIM] {
     std::array::from_fn(|k| range.contains(&k))
 }
 

@@ -7,7 +7,7 @@
 //! or as many as the beams determine. It first passes a threshold l at the rate l^(3/2) exp(−l/2) √(2/π)/θ (the
 //! Ornstein–Uhlenbeck process in three dimensions for large l; in steps it passes more rarely). The thresholds give each window
 //! 1e-7 per second, as the short ones of the slip (`slip_test.rs`): all of them one false alarm in a month at most. At 1e-5 readings
-//! that are a tenth noisier than stated raise one in minutes, and a step is noticed a few pings sooner.
+//! that are a tenth noisier than stated raise one in minutes (on ten dives of `tests/replay/test_thrust_section.py`), and a step is noticed a few pings sooner.
 //!
 //! What lasts is an inertial reading that has changed, a misalignment, a sensor's noise that is not white. The covariance of the
 //! inertial states grows by the ratio of the length to what it is expected to be, as by a run of rejected velocities
@@ -16,15 +16,12 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::Eskf;
-use super::charge::Charge;
+use super::charge::{Charge, states};
 use super::joseph::PredictedInnovation;
-use crate::aiding::sensor::Quantity;
-use crate::aiding::{Innovation, TangentRows};
+use crate::aiding::Innovation;
 use crate::error::{NavError, require_finite};
 use crate::filter::gate::FIVE_SIGMA_FACTOR;
-use crate::filter::report::Sensor;
 use crate::layout::{ATTITUDE, DVL_BIAS, VELOCITY};
-use crate::state::Covariance;
 
 /// Number of windows.
 const WINDOWS: usize = 4;
@@ -32,6 +29,8 @@ const WINDOWS: usize = 4;
 const WINDOW_S: [f64; WINDOWS] = [1.0, 4.0, 16.0, 64.0];
 /// Thresholds of the windows.
 const THRESHOLD: [f64; WINDOWS] = [43.073, 40.085, 37.079, 34.05];
+/// States that are charged: misalignment, velocity and inertial biases.
+const CHARGED: usize = DVL_BIAS - ATTITUDE;
 /// Part of the mean information below which a direction has none.
 const UNDETERMINED: f64 = 1e-6;
 
@@ -81,16 +80,11 @@ fn length(score: &Vector3<f64>, information: &Matrix3<f64>) -> f64 {
 }
 
 impl Eskf {
-    /// Takes the innovation of a velocity that was used; one that is not plausible is an outlier, whatever gate let it pass.
-    pub(super) fn test_lasting<const M: usize>(
-        &mut self,
-        innovation: &Innovation,
-        predicted: &PredictedInnovation<M>,
-        sensor: Sensor,
-    ) {
-        let is_velocity = sensor.quantity() == Some(Quantity::Velocity) && innovation.tangent_rows == TangentRows::None;
+    /// Takes the innovation of a velocity (platform axes) that was used; one that is not plausible is an outlier, whatever gate let
+    /// it pass.
+    pub(super) fn test_lasting<const M: usize>(&mut self, innovation: &Innovation, predicted: &PredictedInnovation<M>) {
         let is_plausible = predicted.nis <= self.plausible.threshold(innovation.degrees);
-        if self.inflate_after_rejections == 0 || !is_velocity || !is_plausible {
+        if self.inflate_after_rejections == 0 || !is_plausible {
             return;
         }
         let h: SMatrix<f64, M, 3> = innovation.jacobian.fixed_view::<M, 3>(0, VELOCITY).into_owned();
@@ -109,17 +103,11 @@ impl Eskf {
         let ratio = self.lasting.ratio?;
         self.forget_lasting();
         self.propagate_covariance();
-        let charged = std::array::from_fn(|k| (ATTITUDE..DVL_BIAS).contains(&k));
-        let factor = ratio.min(FIVE_SIGMA_FACTOR).min(self.largest_factor(&charged)).max(1.0);
-        let grown = Covariance::from_fn(|i, j| {
-            if charged[i] && charged[j] {
-                self.covariance[(i, j)] * (factor - 1.0)
-            } else {
-                0.0
-            }
-        });
+        let most = self.largest_factor(&states(ATTITUDE..DVL_BIAS));
+        let factor = ratio.min(FIVE_SIGMA_FACTOR).min(most).max(1.0);
         let mut charge = Charge::none(Some(factor));
-        *charge.inertial = grown;
+        let mut grown = charge.inertial.fixed_view_mut::<CHARGED, CHARGED>(ATTITUDE, ATTITUDE);
+        grown.copy_from(&(self.covariance.fixed_view::<CHARGED, CHARGED>(ATTITUDE, ATTITUDE) * (factor - 1.0)));
         self.charge(&charge);
         Some(charge)
     }

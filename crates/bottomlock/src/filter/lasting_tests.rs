@@ -9,10 +9,11 @@ use crate::aiding::Motion;
 use crate::aiding::position::position;
 use crate::aiding::velocity::velocity;
 use crate::filter::options::Options;
+use crate::filter::report::Sensor;
 use crate::frames::Vec3;
 use crate::layout::DIM;
 use crate::model::Model;
-use crate::state::NavState;
+use crate::state::{Covariance, NavState};
 
 const SECOND_NS: i64 = 1_000_000_000;
 

@@ -47,12 +47,12 @@ impl Eskf {
         let mut correction = predicted
             .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
-        self.test_lasting(innovation, predicted, sensor);
         if !self.extensions.is_empty() {
             self.update_extensions(innovation, predicted, &correction.gain);
         }
         if innovation.tangent_rows == TangentRows::None && sensor.quantity() == Some(Quantity::Velocity) {
             self.measured.velocity_ns = Some(self.state.time_ns);
+            self.test_lasting(innovation, predicted);
         }
         if let Some(path) = &innovation.corrected_path {
             self.move_to_corrected_path(path, &mut correction.error);
