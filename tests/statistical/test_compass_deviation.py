@@ -21,7 +21,7 @@ from tests.statistical.compass_worlds import (
 
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
-RUNS, QUARTERS = 5, 16
+RUNS, PAIRS, QUARTERS = 5, 8, 16
 MAGNETIC = WHITE.replace(yaw_offset_sd_rad=2.0 * DEGREE, yaw_walk_sd_rad=1.0 * DEGREE, walk_time_s=120.0)
 GYROCOMPASS = MagnetometerModel(yaw_sd_rad=0.1 * DEGREE, roll_pitch_sd_rad=0.1 * DEGREE)
 
@@ -37,14 +37,15 @@ def test_a_compass_that_deviates_is_no_evidence_against_the_filter(
     """At the end at most a fifth worse than without inflation, as consistent, and better than dead reckoning.
 
     With all of it charged to the heading the position was 35 m off at a claimed 5 m; dead reckoning is 45 m off. With
-    the deviation claimed NEES is in its band, with a false-alarm rate of 1e-3.
+    the deviation claimed NEES is in its band, with a false-alarm rate of 1e-3. Of 12 runs with each of three seeds the
+    ratio is 1.05 to 1.17; of five it is 1.02 to 1.38.
     """
-    runs = [readings(WORLDS[name], run, claimed) for run in range(RUNS)]
+    runs = [readings(WORLDS[name], run, claimed) for run in range(PAIRS)]
     ours, never = ([filtered(read, "tc", after) for read in runs] for after in (5, 0))
     error_m, never_m = (np.mean([one.error_m for one in tracks]) for tracks in (ours, never))
     nees, never_nees = (np.mean([one.nees for one in tracks]) for tracks in (ours, never))
     assert error_m < 1.2 * never_m, (error_m, never_m)
-    assert nees < (mean_band(2.0, RUNS, 0.998)[1] if claimed == CLAIMED else 1.3 * never_nees), (
+    assert nees < (mean_band(2.0, PAIRS, 0.998)[1] if claimed == CLAIMED else 1.3 * never_nees), (
         nees,
         never_nees,
     )

@@ -115,7 +115,10 @@ def test_heavy_tails_are_worth_an_update_that_knows_them(lost: tuple[int, ...], 
 
 @pytest.mark.parametrize("lost", [(), pytest.param((3, 4), marks=pytest.mark.long)])
 def test_student_t_claims_what_it_achieves(lost: tuple[int, ...]) -> None:
-    """NEES of attitude and velocity, 6 degrees; seen: 6.34 and 6.16, where the Gaussian update has 10.2 and 9.4."""
+    """NEES of attitude and velocity, 6 degrees; 6.2 and 6.1 seen, where the Gaussian update has 10.0 and 9.2.
+
+    In eight ensembles with other seeds 6.1 to 6.8, in the mean 6.4: three of them lie above the band of a right filter.
+    """
     nees = run_tc("student", lost)[1]
     low, high = chi_squared.mean_band(nees.mean(axis=1), 6.0)
     assert low < nees.mean() < high

@@ -11,9 +11,9 @@
 //! correction of the yaw moves by it, it is linearised again at the estimate that it gives, A δr + B ρ + c: Gauss and Newton's
 //! method (Bell & Cathey 1993). A fix that does not move the yaw has the bits of the first time.
 //!
-//! Any other update that corrects the position by δr̂ turns the path behind it alike: with ξ = Exp(−ρ)(p̂ + r − r̂) − p̂, whose rate is
-//! R̂ δv exactly, the linear error becomes δr + ρ × δr̂. Where that is not small against σ, as when beams return after minutes
-//! without any, P follows it ([`Eskf::path_moved_far`]).
+//! Any other update that corrects the position by δr̂ and the misalignment by ρ̂ turns the path behind it alike: with ξ = Exp(−ρ)(p̂ + r −
+//! r̂) − p̂, whose rate is R̂ δv exactly, the misalignment that is left moves the end Exp(ρ̂)(p̂ + ξ̂), not p̂. Where that is not small
+//! against σ, as when beams return after minutes without any, state and P follow it ([`Eskf::follow_corrected_path`]).
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, SMatrix, Vector3};
 
@@ -32,10 +32,10 @@ const YAW_MOVES: f64 = 0.1;
 /// find a yaw that explains it.
 const PLAUSIBLE: f64 = 3.0;
 
-/// The error state follows an update of anything but a position where this part of the position's sigma is moved by it. Set on lawn
-/// mowers after outages of 1 to 3 min, tested on straight legs and figures of eight. From 0.1 to 0.5 the results are alike; at 1 half
-/// the gain is lost, since several pings share a correction.
-const PATH_MOVES: f64 = 0.5;
+/// The error state follows an update of anything but a position where this part of the position's sigma is moved by it. From 0.1 to
+/// 0.5 the results are alike on lawn mowers after outages of 1 to 3 min, where it was set; on figures of eight after 200 s 0.5 is too
+/// much for some.
+const PATH_MOVES: f64 = 0.1;
 
 const YAW: (usize, usize) = (ATTITUDE + 2, ATTITUDE + 2);
 
@@ -74,23 +74,27 @@ impl Eskf {
         }
     }
 
-    /// The path that an update of anything else has corrected, where the misalignment that is left moves it far.
-    pub(super) fn path_moved_far(&self, correction: &ErrorVector) -> Option<CorrectedPath> {
+    /// Moves an error state to the path that an update of anything else has corrected, where the misalignment that is left moves it
+    /// far.
+    pub(super) fn follow_corrected_path(&mut self, error: &mut ErrorVector) {
+        if self.is_path_moved_far(error) {
+            let path = self.path_at(error);
+            self.move_to_corrected_path(&path, error);
+        }
+    }
+
+    fn is_path_moved_far(&self, correction: &ErrorVector) -> bool {
         let variances = self.covariance.diagonal();
         let [position, misalignment] = [POSITION, ATTITUDE].map(|block| variances.fixed_rows::<3>(block));
         let moved_m2 = correction.fixed_rows::<3>(POSITION).norm_squared();
         let far = PATH_MOVES * PATH_MOVES;
         if moved_m2 * misalignment.sum() <= far * position.min() {
-            return None;
+            return false;
         }
         let by_misalignment = self.path_by_misalignment(correction);
         let misalignment = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE);
         let moves = (by_misalignment * misalignment * by_misalignment.transpose()).diagonal();
-        (0..3).any(|k| moves[k] > far * position[k]).then(|| CorrectedPath {
-            by_position: None,
-            by_misalignment,
-            offset_t_m: Vector3::zeros(),
-        })
+        (0..3).any(|k| moves[k] > far * position[k])
     }
 
     /// Moves an error state to the path that a position has corrected: δr ← A δr + B ρ + c.

@@ -145,38 +145,64 @@ fn the_path_is_the_tangent_of_the_exact_one() {
 }
 
 /// By hand: σ 100 m and 1 m/s north, which are one error, and yaw 0.2 rad. A velocity that is 1 m/s off corrects the north by 100 m, and
-/// with it 20 m of east become the yaw's; of 0.1 m/s it is 2 m, less than half of the 8 m that the east has.
+/// with it 20 m of east become the yaw's; of 0.03 m/s it is 0.6 m, less than a tenth of the 8 m that the east has.
 #[test]
 fn a_velocity_that_corrects_the_path_turns_it_by_the_yaw() {
-    for (gained_mps, east_m2) in [(1.0, 64.0 + 400.0), (0.1, 64.0)] {
-        let mut filter = filter(0.2);
-        let mut covariance = Covariance::identity() * 1e-12;
-        let (north, east, ahead) = (POSITION, POSITION + 1, VELOCITY);
-        for (k, sd) in [
-            (north, 100.0),
-            (east, 8.0),
-            (POSITION + 2, 8.0),
-            (ahead, 1.0),
-            (YAW.0, 0.2),
-        ] {
-            covariance[(k, k)] = sd * sd;
-        }
-        covariance[(north, ahead)] = 100.0 * (1.0 - 1e-9);
-        covariance[(ahead, north)] = covariance[(north, ahead)];
-        filter.set_covariance(&covariance).unwrap();
-        let velocity_mps = filter.state().velocity_p_mps.0 + Vector3::new(gained_mps, 0.0, 0.0);
-        let velocity_mps = Vec3::from_array(velocity_mps.into());
-        let innovation = velocity(&filter.state(), &velocity_mps, &(Matrix3::identity() * 1e-6));
-        assert!(filter.update(&innovation, Sensor::Velocity).unwrap().was_used());
-        let (after, is_far) = (filter.covariance(), gained_mps > 0.5);
+    for (gained_mps, east_m2) in [(1.0, 64.0 + 400.0), (0.03, 64.0)] {
+        let after = after_velocity(gained_mps, 0.0).covariance();
+        let (east, by_yaw) = (POSITION + 1, if gained_mps > 0.5 { 0.04 * 100.0 } else { 0.0 });
         assert!(
             (after[(east, east)] / east_m2 - 1.0).abs() < 1e-4,
             "{}",
             after[(east, east)]
         );
-        let by_yaw = if is_far { 0.04 * 100.0 } else { 0.0 };
         assert!((after[(east, YAW.0)] - by_yaw).abs() < 1e-3, "{}", after[(east, YAW.0)]);
     }
+}
+
+/// By hand: where the same velocity corrects the yaw by 0.1 rad too, the 100 m are turned by it, and the yaw that is left, of 0.03 rad²,
+/// moves their end.
+#[test]
+fn a_correction_of_the_yaw_turns_that_of_the_path() {
+    let (before, filter) = (filter(0.2).state().position_t_m.0, after_velocity(1.0, 0.1));
+    let end_t_m = [100.0 * 0.1_f64.cos(), 100.0 * 0.1_f64.sin()];
+    let gained_t_m = filter.state().position_t_m.0 - before;
+    assert!((gained_t_m.x - end_t_m[0]).abs() < 1e-3, "{gained_t_m}");
+    assert!((gained_t_m.y - end_t_m[1]).abs() < 1e-3, "{gained_t_m}");
+    let after = filter.covariance();
+    assert!((after[(POSITION, YAW.0)] + 0.03 * end_t_m[1]).abs() < 1e-3);
+    assert!((after[(POSITION + 1, YAW.0)] - 0.03 * end_t_m[0]).abs() < 1e-3);
+}
+
+/// After a velocity that is so much off, with σ 100 m and 1 m/s north, which are one error, 8 m to the other sides and a yaw of 0.2 rad,
+/// which the velocity corrects by `yaw_by_ahead` rad of each m/s.
+fn after_velocity(gained_mps: f64, yaw_by_ahead: f64) -> Eskf {
+    let mut filter = filter(0.2);
+    let mut covariance = Covariance::identity() * 1e-12;
+    let (north, ahead) = (POSITION, VELOCITY);
+    for (k, sd) in [
+        (north, 100.0),
+        (POSITION + 1, 8.0),
+        (POSITION + 2, 8.0),
+        (ahead, 1.0),
+        (YAW.0, 0.2),
+    ] {
+        covariance[(k, k)] = sd * sd;
+    }
+    let one = 1.0 - 1e-9;
+    for (i, j, value) in [
+        (north, ahead, 100.0 * one),
+        (ahead, YAW.0, yaw_by_ahead * one),
+        (north, YAW.0, 100.0 * yaw_by_ahead * one),
+    ] {
+        (covariance[(i, j)], covariance[(j, i)]) = (value, value);
+    }
+    filter.set_covariance(&covariance).unwrap();
+    let velocity_mps = filter.state().velocity_p_mps.0 + Vector3::new(gained_mps, 0.0, 0.0);
+    let velocity_mps = Vec3::from_array(velocity_mps.into());
+    let innovation = velocity(&filter.state(), &velocity_mps, &(Matrix3::identity() * 1e-6));
+    assert!(filter.update(&innovation, Sensor::Velocity).unwrap().was_used());
+    filter
 }
 
 /// With a yaw that is certain, and so without any way by it, an update is finite and turns nothing.

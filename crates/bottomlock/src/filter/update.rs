@@ -56,8 +56,8 @@ impl Eskf {
         }
         if let Some(path) = &innovation.corrected_path {
             self.move_to_corrected_path(path, &mut correction.error);
-        } else if let Some(path) = self.path_moved_far(&correction.error) {
-            self.move_to_corrected_path(&path, &mut correction.error);
+        } else {
+            self.follow_corrected_path(&mut correction.error);
         }
         self.feed_back(&correction.error);
         Ok(report)
