@@ -2,9 +2,8 @@
 
 import hashlib
 import json
-import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ from bottomlock.live.sections import (
 )
 from bottomlock.recordings.readings import LOST_SD_MPS, AttitudeReading, ImuReading, Ping
 from bottomlock.recordings.rotation import matrix, permute_axes, quaternion
-from bottomlock.recordings.sensors import SENSORS
+from bottomlock.recordings.sensors import of_kernel
 
 
 class NavigatorConfig(LiveSections):
@@ -198,13 +197,7 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     assert start is not None
     latitude = units.rad_from_deg(origin.latitude_deg)
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
-    sensors: dict[str, Any] = {}
-    added: list[dict[str, Any]] = []
-    for sensor in SENSORS:
-        section = getattr(config, sensor.name)
-        if section is not None:
-            sensors |= section.kernel_models()
-            added.append(section.kernel_options())
+    sensors, added = of_kernel(config)
     tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(
@@ -230,9 +223,7 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     options = models.Options.of(config.filter.kernel_options(), own, *added)
     axes = np.eye(3)
     if isinstance(imu, ImuSection):
-        turned = (imu.mounting_roll_deg, imu.mounting_pitch_deg, imu.mounting_yaw_deg)
-        reordered = permute_axes(np.eye(3), imu.axes).T
-        axes = matrix(np.array(quaternion(*map(math.radians, turned)))) @ reordered
+        axes = matrix(np.array(quaternion(*imu.mounting_rpy_rad))) @ permute_axes(np.eye(3), imu.axes).T
     return KernelSettings(model, options, axes, gravity)
 
 

@@ -7,7 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import Imu, ImuLimits, MotionErrors
-from bottomlock.config.section import Earth, InFolder, Section, Vector, shown
+from bottomlock.config.section import Earth, InFolder, Mounting, Section, Vector, shown
 from bottomlock.config.sensors import AidingSections, DepthErrors
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method
@@ -42,20 +42,13 @@ else:
     ]
 
 
-class ImuSection(Reordered, Imu):
+class ImuSection(Mounting, Reordered, Imu):
     """Inertial sensors: rate, errors and limits as in a scenario, and their axes and mounting.
 
     The sensor's axes, reordered by `axes`, are rotated to the platform's (forward, starboard, down) by the mounting.
     A gap of the readings is always bridged with its uncertainty (docs/imu_faults.md): what is too uncertain is not
     sent.
     """
-
-    mounting_roll_deg: Angle = 0.0
-    """rotation from sensor to platform axes: roll"""
-    mounting_pitch_deg: Angle = 0.0
-    """rotation from sensor to platform axes: pitch"""
-    mounting_yaw_deg: Angle = 0.0
-    """rotation from sensor to platform axes: yaw"""
 
     @model_validator(mode="after")
     def _bridges_gaps(self) -> Self:

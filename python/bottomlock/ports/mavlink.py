@@ -13,7 +13,7 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Annotated, Any, Self
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from bottomlock.errors import ScenarioError, note
 from bottomlock.libraries import mavlink
@@ -85,7 +85,7 @@ def packed(link: Any, message: Any) -> bytes:  # noqa: ANN401 - the library is n
     return data
 
 
-_Address = Annotated[int, Strict(), Field(ge=1, le=255)]
+_Address = Annotated[int, Field(ge=1, le=255)]
 
 
 class MavlinkPort(Port):
@@ -127,7 +127,7 @@ class MavlinkPort(Port):
 class MavlinkVelocity(MavlinkPort):
     """Base of those that send a velocity with its covariance."""
 
-    variance_factor: Annotated[float, Strict(), Field(ge=1, allow_inf_nan=False)] = VARIANCE_FACTOR
+    variance_factor: Annotated[float, Field(ge=1, allow_inf_nan=False)] = VARIANCE_FACTOR
     """factor on the covariance in mode navigation"""
 
     def _covariance(self, estimate: Estimate) -> Floats:

@@ -13,7 +13,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
@@ -33,14 +33,14 @@ class MicroStrain(Port):
 
     name = "microstrain"
 
-    frame_id: Annotated[int, Strict(), Field(ge=1, le=255)] = 1
+    frame_id: Annotated[int, Field(ge=1, le=255)] = 1
     """of the aiding frame that is configured in the receiver for our platform axes"""
     timebase: Literal["external", "arrival"] = "external"
     """external: our time since 1970 plus `time_offset_s`, for a receiver synchronised to that clock; arrival:
     `latency_s` before its arrival"""
-    time_offset_s: Annotated[float, Strict(), Field(ge=-1e9, le=1e9)] = 0.0
+    time_offset_s: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """see `timebase`"""
-    latency_s: Annotated[float, Strict(), Field(gt=0, le=3600)] | None = None
+    latency_s: Annotated[float, Field(gt=0, le=3600)] | None = None
     """see `timebase`; needed with arrival and only there"""
     unseen: Literal["omit", "estimate"] = "omit"
     """in mode navigation, omit axes that the beams of the last ping do not determine, or send the estimate of them

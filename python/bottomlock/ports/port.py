@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.ports.estimate import SILENT, Estimate
@@ -20,7 +20,7 @@ FrameName = Annotated[str, AfterValidator(_frame)]
 """Name of axes in a message of ROS 2."""
 
 
-RateHz = Annotated[float, Strict(), Field(ge=1e-3, allow_inf_nan=False)]
+RateHz = Annotated[float, Field(ge=1e-3, allow_inf_nan=False)]
 """Of messages: one in a thousand seconds at least."""
 Answers = Callable[[bytes], bytes]
 """What to send back on bytes of a client."""

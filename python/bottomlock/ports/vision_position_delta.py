@@ -4,7 +4,7 @@ import math
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from bottomlock.kernel.models import Positive
 from bottomlock.ports.estimate import Estimate, Floats
@@ -36,7 +36,7 @@ class VisionPositionDelta(MavlinkVelocity):
     """EK3_VIS_VERR_MIN of the autopilot"""
     max_noise_mps: Positive = 0.9
     """EK3_VIS_VERR_MAX of the autopilot"""
-    max_interval_s: Annotated[float, Strict(), Field(gt=0, le=1e6)] = 2.0
+    max_interval_s: Annotated[float, Field(gt=0, le=1e6)] = 2.0
     """a longer gap between estimates starts a new interval without a message"""
 
     @model_validator(mode="after")

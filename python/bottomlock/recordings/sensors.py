@@ -351,3 +351,10 @@ SENSORS: tuple[Sensor, ...] = (DEPTH, ATTITUDE, GPS, ACOUSTIC_POSITION, THRUST, 
 """In the order in which readings of the same time are taken, after inertial readings and pings."""
 INSTRUMENTS: tuple[Instrument, ...] = (IMU, *SENSORS)
 SENSOR_OF: dict[type, Sensor] = {sensor.reading: sensor for sensor in SENSORS}
+
+
+def of_kernel(config: Any) -> tuple[dict[str, Any], list[dict[str, Any]]]:  # noqa: ANN401 - a case or a live one
+    """What the sensors' sections of a configuration are to the kernel: models by their names there, and options."""
+    sections = [one for sensor in SENSORS if (one := getattr(config, sensor.name)) is not None]
+    named = [item for one in sections for item in one.kernel_models().items()]
+    return dict(named), [one.kernel_options() for one in sections]

@@ -1,12 +1,10 @@
 """Model and options of a replay's filter, in SI, as the kernel takes them."""
 
-from typing import Any
-
 from bottomlock.config.imu import WEIGHTLESS_MPS2, without_gyrocompass
 from bottomlock.io.beams import Instrument
 from bottomlock.kernel import normal_gravity_mps2
 from bottomlock.kernel.models import Environment, ImuModel, InitialModel, Model, Options
-from bottomlock.recordings.sensors import SENSORS
+from bottomlock.recordings.sensors import of_kernel
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.replay.case import Case
 from bottomlock.replay.streams import Streams, VehicleMotion
@@ -57,10 +55,6 @@ def gravity_mps2(case: Case, streams: Streams) -> float:
 
 def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialModel, gravity: float) -> Model:
     """Environment, sensor errors and initial standard deviations, as the kernel takes them: `without_gyrocompass`."""
-    sensors: dict[str, Any] = {}
-    for sensor in SENSORS:
-        section = getattr(case, sensor.name)
-        sensors |= {} if section is None else section.kernel_models()
     model = Model(
         environment=Environment(
             latitude_rad=streams.latitude_rad, gravity_mps2=gravity, earth=case.origin.earth
@@ -70,7 +64,7 @@ def kernel_model(case: Case, streams: Streams, imu: ImuModel, initial: InitialMo
             float(streams.instrument.beam_sd_mps.mean()), streams.instrument.calibration
         ),
         initial=initial,
-        **sensors,
+        **of_kernel(case)[0],
     )
     return without_gyrocompass(model)
 
@@ -93,5 +87,4 @@ def kernel_options(case: Case, instrument: Instrument, motion: VehicleMotion | N
         "imu_sampling": "averaged" if case.imu.averaged else "instantaneous",
         "calibration": case.calibration.prior(instrument.calibration),
     }
-    sections = [getattr(case, sensor.name) for sensor in SENSORS]
-    return Options.of(options, own, *(one.kernel_options() for one in sections if one is not None))
+    return Options.of(options, own, *of_kernel(case)[1])
