@@ -299,7 +299,7 @@ def test_the_reference_at_the_end_and_over_time() -> None:
     """By hand: 3 m and 4 m off at the end, 1 sigma of 3 and 4 m, a reference of 5/sqrt(2) m an axis."""
     rows = 4
     off = np.array([[9.0, 9.0], [0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
-    columns: dict[str, object] = {"pass": ["forward"] * rows, "method": ["tc"] * rows}
+    columns: dict[str, object] = {"pass": ["forward"] * rows, "method": ["tc"] * rows, "time_ns": range(rows)}
     for k, axis in enumerate(("north", "east")):
         columns[f"err_position_{axis}_m"] = off[:, k]
         columns[f"sd_position_{axis}_m"] = [3.0 + k] * rows
@@ -311,6 +311,19 @@ def test_the_reference_at_the_end_and_over_time() -> None:
     squares = 18.0 / (3.0**2 + 12.5) + 16.0 / (4.0**2 + 12.5)
     assert found.rms_sigmas == pytest.approx(np.sqrt(squares / 6.0))
     assert (found.rms_m, found.sd_m) == pytest.approx((np.sqrt((9.0 + 25.0) / 3.0), 5.0))
+
+
+@pytest.mark.parametrize(("last", "confirms"), [(79, False), (90, True)])
+def test_positions_that_end_early_confirm_nothing(last: int, confirms: bool) -> None:
+    """A receiver at the surface before the dive; up to the last sixth of it, it tells of the dive."""
+    off = pl.Series(np.where(np.arange(100) <= last, 0.5, np.nan)).fill_nan(None)
+    columns: dict[str, object] = {"pass": ["forward"] * 100, "method": ["tc"] * 100, "time_ns": range(100)}
+    for axis in ("north", "east"):
+        columns |= {f"err_position_{axis}_m": off, f"sd_position_{axis}_m": [1.0] * 100}
+    found = against_reference(pl.DataFrame(columns), "tc", 1.0)
+    assert found is not None
+    assert found.agrees
+    assert found.confirms == confirms
 
 
 def test_a_reference_confirms_an_open_geometry() -> None:
@@ -373,12 +386,19 @@ def test_a_sensor_that_contradicts_the_method_is_a_doubt(row: SensorRow, answer:
 
 
 @pytest.mark.parametrize(
-    ("name", "word"), [("imu", "a part of the dive"), ("reference", "a part of the dive"), ("ahrs", "")]
+    ("name", "verdict", "word"),
+    [
+        ("imu", "partly", "a part of the dive"),
+        ("reference", "yes", "and dead reckoning agrees."),
+        ("ahrs", "yes", "dead reckoning and the reference agree."),
+    ],
 )
-def test_a_file_that_ends_early_keeps_an_answer_from_yes(tmp_path: Path, name: str, word: str) -> None:
-    """Half of the IMU, or of the reference at whose times it is, leaves half of the dive without a track."""
+def test_a_file_that_ends_early(tmp_path: Path, name: str, verdict: str, word: str) -> None:
+    """Half of the IMU leaves half of the dive without a track; half of the reference confirms nothing of the other."""
     path = write_case(drawn_dive(21, seconds=120.0), tmp_path)
     table = pl.read_parquet(tmp_path / f"{name}.parquet")
     table.filter(pl.col("time_s") < 60.0).write_parquet(tmp_path / f"{name}.parquet")
-    answer = replay_case(load_case(path)).manifest["answer"]
-    assert (answer["verdict"], word in answer["sentence"]) == ("partly" if word else "yes", True)
+    replayed = replay_case(load_case(path))
+    answer, seconds = replayed.manifest["answer"], replayed.samples["time_ns"] * 1e-9
+    assert (answer["verdict"], word in answer["sentence"]) == (verdict, True)
+    assert seconds.to_numpy().max() == pytest.approx(60.0 if name == "imu" else 120.0, abs=1.5)

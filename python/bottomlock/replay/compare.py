@@ -98,7 +98,7 @@ def _errors(states: Mapping[str, Floats], prepared: PreparedRun) -> dict[str, Fl
 def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floats, Floats, Floats]:
     """Errors of position (tangent frame), velocity (platform) and attitude (ρ, tangent), (T, 3) each, m, m/s, rad.
 
-    Without a height of the reference the error down is NaN.
+    Without a height of the reference the error down is NaN, and where it has no row every error.
 
     The estimates are at the times of inertial readings, the reference up to one reading earlier. The estimate is
     propagated back over that interval with its own velocity and the gyro's rate.
@@ -126,6 +126,9 @@ def errors_of(states: Mapping[str, Floats], prepared: PreparedRun) -> tuple[Floa
         # Recorded angles are those against level and north at the vehicle.
         level = level_axes(prepared.model.environment, states["position_t_m"])
         misalignment = (level * reference.attitude[rows] * attitude_then.inv()).as_rotvec()
+    position, velocity, misalignment = (
+        np.where(rows[:, None] < 0, np.nan, one) for one in (position, velocity, misalignment)
+    )
     return position, velocity, misalignment
 
 

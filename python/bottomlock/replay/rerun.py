@@ -36,7 +36,7 @@ class PreparedRun:
         alignment: initial state given to the filter.
         model, options: as the kernel takes them.
         sample_time_ns: (T,) times of inertial readings at which the estimates are sampled.
-        rows: (T,) rows of the reference to compare with; empty without a reference.
+        rows: (T,) rows of the reference to compare with, -1 where it has none; empty without a reference.
     """
 
     streams: Streams
@@ -140,20 +140,33 @@ def _with_good_readings(case: Case, streams: Streams, imu: ImuModel) -> Streams:
 
 
 def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, Times]:
-    """Inertial readings at or just after the reference's times, or every `sample_s` without a reference."""
+    """Inertial readings at or just after the reference's times, and every `sample_s` where it has none as near."""
     times = streams.inertial.time_ns
+    step_ns = round(case.replay.sample_s * 1e9)
+    wanted_ns, rows = (
+        np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64),
+        np.zeros(0, dtype=np.int64),
+    )
     if streams.reference is not None:
-        wanted_ns = streams.reference.time_ns
-        rows = np.flatnonzero((wanted_ns >= start_ns) & (wanted_ns <= times[-1]))
+        known_ns = streams.reference.time_ns
+        rows = np.flatnonzero((known_ns >= start_ns) & (known_ns <= times[-1]))
         if not rows.size:
             raise DataError(
                 "has no row between the start and the end of the inertial readings", key="[reference]"
             )
-        wanted_ns = wanted_ns[rows]
-    else:
-        step_ns = round(case.replay.sample_s * 1e9)
-        wanted_ns = np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64)
-        rows = np.zeros(0, dtype=np.int64)
+        known_ns = known_ns[rows]
+        # GPS at the surface alone, or slow acoustics: the track goes on without them.
+        after = np.searchsorted(known_ns, wanted_ns)
+        before_ns, after_ns = (
+            known_ns[np.maximum(after - 1, 0)],
+            known_ns[np.minimum(after, len(known_ns) - 1)],
+        )
+        apart_ns = np.minimum(np.abs(wanted_ns - before_ns), np.abs(after_ns - wanted_ns))
+        wanted_ns = wanted_ns[apart_ns > step_ns]
+        rows = np.concatenate([rows, np.full(len(wanted_ns), -1)])
+        wanted_ns = np.concatenate([known_ns, wanted_ns])
+        order = np.argsort(wanted_ns, kind="stable")
+        wanted_ns, rows = wanted_ns[order], rows[order]
     sample_ns = times[np.searchsorted(times, wanted_ns)]
     # A reference faster than the IMU is sampled once per inertial reading.
     kept = np.concatenate([[True], np.diff(sample_ns) > 0])

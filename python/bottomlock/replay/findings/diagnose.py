@@ -92,6 +92,7 @@ def diagnose(
         *_beyond_track(case, prepared),
         *([] if seen is None else heading_findings(prepared, samples, seen.method)),
     ]
+    reference = None if seen is None else against_reference(samples, seen.method, reference_sd_m)
     tracks = _tracks(samples)
     stands = DEAD_RECKONING if DEAD_RECKONING in tracks else methods[0] if seen is None else seen.method
     evidence = Evidence(
@@ -99,7 +100,7 @@ def diagnose(
         closure=next(iter(checks.closure_words(prepared)), ""),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         aided=case.attitude is not None and case.attitude.aids != "nothing",
-        reference=None if seen is None else against_reference(samples, seen.method, reference_sd_m),
+        reference=None if reference is None or (reference.agrees and not reference.confirms) else reference,
         sway=measured_sway(case, prepared, *_heading(prepared, samples, seen)),
         partial=float(np.mean(prepared.streams.beams.valid[prepared.pings].sum(axis=1) < 3)),
         methods=methods,
@@ -138,7 +139,7 @@ def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
             "beyond_track", "warning", part,
             f"The pings aid a part of the dive: {100.0 * part:.0f} % of its time is before or after them.",
             f"{100.0 * before:.0f} % lie before the first ping of the track, {100.0 * after:.0f} % after the last; the "
-            "dive is the time of IMU and pings, the track ends with the IMU, or the reference where there is one.",
+            "dive is the time of IMU and pings, and the track ends with the IMU.",
             "Check start.at_s, and which file begins late or ends early, or cut all files to the time with pings.",
             "start.at_s",
             size=part, unit="1", expected="pings over all of the dive",

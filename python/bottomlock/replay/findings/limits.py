@@ -47,7 +47,8 @@ TURNED_SIGMAS = 2.5
 # What the track covers.
 UNUSED = 0.15
 """Part of the dive, which is the time of IMU and pings, before the first or after the last ping of the track from which
-the answer is "partly": right rows of tools.first_line have 0.10 at most, half a file 0.4."""
+the answer is "partly", and after the last position of a reference from which this confirms nothing: right rows of
+tools.first_line have 0.10 at most, half a file 0.4."""
 
 # Sensors beside the beams.
 REJECTED = 0.1

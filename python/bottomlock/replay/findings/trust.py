@@ -25,6 +25,7 @@ from bottomlock.replay.findings.limits import (
     REFERENCE_SIGMAS,
     REJECTED,
     SLOW_SIGMAS,
+    UNUSED,
     VAGUE,
 )
 from bottomlock.replay.findings.sensors import ASSUMED, SensorRow
@@ -47,6 +48,7 @@ class Reference:
         rms_sigmas: RMS of the error over the same of an axis, over time.
         rms_m: RMS of the error.
         sd_m: noise of the reference, root of the sum over both axes.
+        until: part of the time of the track up to its last position.
     """
 
     method: str
@@ -55,6 +57,12 @@ class Reference:
     rms_sigmas: float
     rms_m: float = 0.0
     sd_m: float = 0.0
+    until: float = 1.0
+
+    @property
+    def confirms(self) -> bool:
+        """Whether it agrees up to the end: positions before a dive say nothing of what follows."""
+        return self.agrees and self.until > 1.0 - UNUSED
 
     @property
     def agrees(self) -> bool:
@@ -86,7 +94,7 @@ class Evidence:
         agreements: of the trusted methods with dead reckoning.
         reckoned: whether there is dead reckoning.
         aided: whether the recorded attitude aids the filters.
-        reference: the method against the reference; None without positions.
+        reference: the method against the reference; None without positions, and where those that agree end early.
         sway: as measured.
         partial: part of the pings with fewer than three beams.
         methods: filters of the case.
@@ -189,7 +197,9 @@ def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float)
     rms = np.sqrt(np.mean((errors / np.hypot(sd, reference_sd_m)) ** 2))
     rms_m = np.sqrt(np.mean((errors**2).sum(axis=1)))
     noise_m = float(np.sqrt(2.0) * reference_sd_m)
-    return Reference(method, float(end_m), float(end_m / both_m), float(rms), float(rms_m), noise_m)
+    at = rows["time_ns"]
+    until = (known["time_ns"][-1] - at[0]) / max(at[-1] - at[0], 1)
+    return Reference(method, float(end_m), float(end_m / both_m), float(rms), float(rms_m), noise_m, until)
 
 
 OF_FILTERS_ALONE = {
