@@ -200,6 +200,8 @@ def test_other_pages_change_nothing(tmp_path: Path) -> None:
             (good | {"Content-Length": "-1"}, 411),
         ):
             assert ask(port, "POST", "/save", body, headers)[0] == code, headers
+        for nothing in ("null", "[]", "5", '"x"', '{"latitude_deg": true}', "[" * 60_000):
+            assert ask(port, "POST", "/save", nothing, good)[0] == 422, nothing
         # A browser asks for leave before a POST of JSON from another origin: there is none.
         assert ask(port, "OPTIONS", "/save", None, {"Origin": "http://blueos.local"})[0] == 405
         assert get(port, "/save")[0] == 404

@@ -125,9 +125,13 @@ def _of_another_type(
     fault: Any,  # noqa: ANN401 - of pydantic
 ) -> ScenarioError:
     """The error of a value that is none of its key; of a list it says what all of it should be."""
-    key = located(model, path)[1]
-    whole = path[: next((k for k, part in enumerate(path) if k and isinstance(part, int)), len(path))]
-    section, name = located(model, whole if isinstance(path[-1], int) else path)
+    if not path:
+        expected = f"an object with keys of {', '.join(model.model_fields)}"
+        return _fault("", f"the whole is {value!r}, expected {expected}", expected)
+    key, whole = located(model, path)[1], path
+    while isinstance(whole[-1], int):
+        whole = whole[:-1]
+    section, name = located(model, whole)
     expected = _expected(name, section) or fault["msg"].removeprefix("Input should be ")
     own = section.model_fields.get(name.rpartition(".")[2])
     choices = [] if own is None else [str(one) for one in get_args(own.annotation)]

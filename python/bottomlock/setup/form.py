@@ -28,7 +28,7 @@ FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.ge
 FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4", "dvl")}
 
 _Degrees = Annotated[float, Strict(), Field(ge=-180, le=180)]
-_Pitch = Annotated[float, Strict(), Field(ge=-90, le=90)]
+_Quarter = Annotated[float, Strict(), Field(ge=-90, le=90)]
 
 
 class SetupForm(Section):
@@ -41,7 +41,7 @@ class SetupForm(Section):
     instrument: Literal[tuple(FORM_INSTRUMENTS)] = "a50"  # type: ignore[valid-type]
     address: FormSource = INSTRUMENTS["a50"].address
     mounting_roll_deg: _Degrees = 0.0
-    mounting_pitch_deg: _Pitch = 0.0
+    mounting_pitch_deg: _Quarter = 0.0
     mounting_yaw_deg: _Degrees = 0.0
     lever_forward_m: Finite = 0.0
     lever_starboard_m: Finite = 0.0
@@ -50,7 +50,7 @@ class SetupForm(Section):
     to: FormTarget = ROUTER
     mode: Mode = "navigation"
     imu: FormSource = ROUTER
-    latitude_deg: Annotated[float | None, Field(ge=-90, le=90, validate_default=True)] = None
+    latitude_deg: Annotated[_Quarter | None, Field(validate_default=True)] = None
     record: bool = True
 
     @field_validator("latitude_deg", mode="after")
