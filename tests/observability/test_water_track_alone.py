@@ -53,7 +53,7 @@ def dive() -> tuple[Scenario, Simulation, Truth, Readings]:
     motion: dict[str, Any] = {"dive_angle_deg": 10.0, "dive_s": 60.0, "leg_s": 120.0, "turn_s": 20.0}
     motion |= {"kind": "lawn_mower", "source": "analytic", "duration_s": float(DURATION_S)}
     scenario = Scenario.model_validate(
-        content | {"imu": {"grade": "tactical"} | ESTIMATED, "trajectory": motion}
+        content | {"imu": {"grade": "tactical", "rate_hz": 50.0} | ESTIMATED, "trajectory": motion}
     )
     simulation = build_simulation(scenario)
     truth = simulation.truth()
