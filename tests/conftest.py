@@ -53,13 +53,15 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection() -> Generator[None, object, object]:
     """What is collected stays to the end: the garbage collector neither runs meanwhile nor looks at it afterwards.
 
-    It took a quarter of the time of collecting, and each full collection of a test went through all of it again.
+    It took a quarter of the time of collecting, and each full collection of a test went through all of it again. Full
+    ones, which what libraries hold makes slow, are rare.
     """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(700, 10, 100)
         gc.enable()
 
 

@@ -32,6 +32,20 @@ def command(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess
     return CompletedProcess(words, code, stdout.getvalue(), stderr.getvalue())
 
 
+def succeeded(*arguments: str | Path, cwd: Path | None = None) -> str:
+    """What a command printed that ended with exit code 0."""
+    done = command(*arguments, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def refused(*arguments: str | Path, cwd: Path | None = None) -> str:
+    """What a command said on the standard error that ended with exit code 2: wrong usage or data."""
+    done = command(*arguments, cwd=cwd)
+    assert done.returncode == 2, done.stdout
+    return done.stderr
+
+
 def process(*arguments: str | Path, cwd: Path | None = None) -> CompletedProcess[str]:
     """Runs `python -m bottomlock` as a user does: a fresh interpreter, its exit code and its streams."""
     words = [sys.executable, "-m", "bottomlock", *(str(one) for one in arguments)]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.calls import command
+from tests.cli.calls import command, refused, succeeded
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -40,7 +40,7 @@ def test_one_command_from_a_shipped_log_to_a_page(
 def test_results_go_beside_the_log_by_default(root: Path, tmp_path: Path) -> None:
     """The geometry is the one that `convert` noted."""
     log = Path(shutil.copy(root / "data" / "logs" / "survey_dive" / "dvl.pd0", tmp_path))
-    assert command("convert", log).returncode == 0
+    succeeded("convert", log)
     beams = tmp_path / "dvl_beams.parquet"
     for words, out in ((("fix", beams), "dvl_beams_fixes.parquet"), (("audit", beams), "dvl_beams_audit")):
         done = command(*words)
@@ -49,9 +49,8 @@ def test_results_go_beside_the_log_by_default(root: Path, tmp_path: Path) -> Non
         assert out in done.stdout
         assert "geometry: teledyne_30" in done.stdout
     beams.with_suffix(".json").unlink()
-    done = command("fix", beams)
-    assert done.returncode == 2
-    assert "--geometry is missing" in done.stderr
+    said = refused("fix", beams)
+    assert "--geometry is missing" in said
     done = command("fix", log)
     assert done.returncode == 2
     assert "is a log of format pd0, not a table; convert it first" in done.stderr

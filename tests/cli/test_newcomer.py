@@ -9,7 +9,7 @@ from bottomlock.audit.logs import read_log
 from bottomlock.errors import DataError, ScenarioError
 from bottomlock.io.beams import Columns, read_beams
 from bottomlock.io.table import read_map
-from tests.cli.calls import command
+from tests.cli.calls import command, succeeded
 
 OWN = """Time (s),B1,B2,B3,B4,quality
 0.0,510,-490,500,-500,80
@@ -32,7 +32,7 @@ def test_the_first_message_leads_to_a_table(own: Path, tmp_path: Path) -> None:
     beams = tmp_path / "beams.parquet"
     refused = command("convert", own, "--to", beams)
     assert f"`bottomlock convert {own} --init --out MAP.toml`" in refused.stderr
-    assert command("convert", own, "--init", "--to", tmp_path / "map.toml").returncode == 0
+    succeeded("convert", own, "--init", "--to", tmp_path / "map.toml")
     done = command("convert", own, "--columns", tmp_path / "map.toml", "--to", beams)
     assert done.returncode == 0, done.stderr
     assert "a beam counts as lost where its cell is empty" in done.stdout

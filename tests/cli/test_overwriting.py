@@ -10,7 +10,7 @@ import pytest
 from bottomlock.errors import OutputError
 from bottomlock.replay.init.entries import Beside, Entry, placed
 from tests.audit.synthetic import make_log, table
-from tests.cli.calls import command, shortened
+from tests.cli.calls import command, refused, shortened, succeeded
 from tests.live.world import NAVIGATION_TOML
 
 RUN = ("run", "straight.toml", "--methods", "lc,tc", "--threads", "1", "--out", "o")
@@ -44,13 +44,12 @@ LEAVE_OUT = ("fix", "a.parquet", "--geometry", "x_janus_20", "--leave-out", "1",
 @pytest.mark.parametrize("words", [FIX, LEAVE_OUT], ids=["fix", "leave_out"])
 def test_a_file_is_replaced_with_force_alone(here: Path, words: tuple[str, ...]) -> None:
     (here / "f.parquet").write_bytes(b"years of work")
-    done = command(*words, "f.parquet", cwd=here)
-    assert done.returncode == 2
-    assert done.stderr == (
+    said = refused(*words, "f.parquet", cwd=here)
+    assert said == (
         "bottomlock: f.parquet: is there already; choose another name, or use --force to replace it\n"
     )
     assert (here / "f.parquet").read_bytes() == b"years of work"
-    assert command(*words, "f.parquet", "--force", cwd=here).returncode == 0
+    succeeded(*words, "f.parquet", "--force", cwd=here)
     assert pl.read_parquet(here / "f.parquet").height > 0
 
 
@@ -60,9 +59,8 @@ def test_the_log_is_never_written_over(here: Path) -> None:
     os.link(here / "a.parquet", here / "hard.parquet")
     before = contents(here)
     for words, out in ((FIX, "link.parquet"), (LEAVE_OUT, "hard.parquet")):
-        done = command(*words, out, "--force", cwd=here)
-        assert done.returncode == 2
-        assert done.stderr.startswith(f"bottomlock: {out}: is read by this command (a.parquet)")
+        said = refused(*words, out, "--force", cwd=here)
+        assert said.startswith(f"bottomlock: {out}: is read by this command (a.parquet)")
         assert contents(here) == before
 
 
@@ -81,9 +79,8 @@ def test_no_command_writes_over_what_it_reads(here: Path, words: tuple[str, ...]
     for name in ("map.toml", "raw.json"):
         (here / name).write_text("{}", encoding="utf-8")
     before = contents(here)
-    done = command(*words, "--force", cwd=here)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"bottomlock: {file}: is ")
+    said = refused(*words, "--force", cwd=here)
+    assert said.startswith(f"bottomlock: {file}: is ")
     assert contents(here) == before
 
 
@@ -106,9 +103,8 @@ def test_live_does_not_write_over_its_configuration(tmp_path: Path, to: str, che
     text = f'{known}[checkpoint]\nfile = "{checkpoint}"\n'
     (tmp_path / "live.toml").write_text(text, encoding="utf-8")
     (tmp_path / "link.toml").symlink_to("live.toml")
-    done = command("live", "live.toml", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "toml: is read by this command (live.toml); choose another name" in done.stderr
+    said = refused("live", "live.toml", cwd=tmp_path)
+    assert "toml: is read by this command (live.toml); choose another name" in said
     assert (tmp_path / "live.toml").read_text(encoding="utf-8") == text
 
 
@@ -153,16 +149,12 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
         assert [one.name for one in (here / "o").iterdir()] == ["thesis.tex"]
     (here / "o" / "thesis.tex").unlink()
     for _ in range(2):
-        done = command(*first, cwd=here)
-        assert done.returncode == 0, done.stderr
+        succeeded(*first, cwd=here)
     (here / "o" / "thesis.tex").write_text("years of work", encoding="utf-8")
     before = contents(here / "o")
-    done = command(*second, cwd=here)
-    assert done.returncode == 2
-    assert done.stderr.startswith(
-        f"bottomlock: o: holds a result of `bottomlock {first[0]}` that differs in: "
-    )
-    assert done.stderr.endswith("use --force to replace it\n")
+    said = refused(*second, cwd=here)
+    assert said.startswith(f"bottomlock: o: holds a result of `bottomlock {first[0]}` that differs in: ")
+    assert said.endswith("use --force to replace it\n")
     assert contents(here / "o") == before
     pages = ("audit.html", "straight_truth.parquet", "observability.parquet")
     (edited,) = (here / "o" / name for name in pages if (here / "o" / name).exists())
@@ -170,7 +162,7 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
     done = command(*first, cwd=here)
     assert done.returncode == 2
     assert done.stderr.startswith(f"bottomlock: o/{edited.name}: has changed since it was written")
-    assert command(*second, "--force", cwd=here).returncode == 0
+    succeeded(*second, "--force", cwd=here)
     assert (here / "o" / "thesis.tex").read_text(encoding="utf-8") == "years of work"
     assert not (here / "o" / edited.name).exists() or edited.read_bytes() != b"with my remarks"
 
@@ -183,13 +175,13 @@ def test_a_folder_holds_one_result(here: Path, first: tuple[str, ...], second: t
 def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str, ...]) -> None:
     """The same run again keeps it; other tables remove it with its figures, with a note, and the rest stays."""
     shortened("straight", tmp_path / "straight.toml")
-    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    succeeded(*RUN, "--runs", "2", cwd=tmp_path)
     out = tmp_path / "o"
     plain = contents(out).keys()
-    assert command("report", "o", cwd=tmp_path).returncode == 0
+    succeeded("report", "o", cwd=tmp_path)
     assert len(list((out / "figures").iterdir())) > 4
     page = (out / "report.html").read_bytes()
-    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    succeeded(*RUN, "--runs", "2", cwd=tmp_path)
     assert (out / "report.html").read_bytes() == page
     (out / "figures" / "mine.png").touch()
     done = command(*RUN, *changed, cwd=tmp_path)
@@ -205,7 +197,7 @@ def test_a_report_does_not_outlive_its_tables(tmp_path: Path, changed: tuple[str
 def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> None:
     """A trajectory from a file of the name of a table that the run with --force is about to replace."""
     shortened("straight", tmp_path / "straight.toml")
-    assert command(*RUN, "--runs", "2", cwd=tmp_path).returncode == 0
+    succeeded(*RUN, "--runs", "2", cwd=tmp_path)
     example = root / "examples" / "own_trajectory"
     text = (example / "scenario.toml").read_text(encoding="utf-8")
     assert "nav.csv" in text
@@ -213,7 +205,6 @@ def test_a_campaign_does_not_remove_its_own_path(root: Path, tmp_path: Path) -> 
     shutil.copy(example / "nav.csv", tmp_path / "o" / "truth.parquet")
     (tmp_path / "link.csv").symlink_to("o/truth.parquet")
     before = contents(tmp_path / "o")
-    done = command("run", "s.toml", "--out", "o", "--force", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("bottomlock: o/truth.parquet: is read by this command (link.csv)")
+    said = refused("run", "s.toml", "--out", "o", "--force", cwd=tmp_path)
+    assert said.startswith("bottomlock: o/truth.parquet: is read by this command (link.csv)")
     assert contents(tmp_path / "o") == before

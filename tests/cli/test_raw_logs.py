@@ -10,6 +10,7 @@ import pytest
 
 from bottomlock.io.beam_table import read_beam_table
 from tests.cli.calls import command as bottomlock
+from tests.cli.calls import refused, succeeded
 from tools import reader_seeds as seeds
 
 GEOMETRY = ("--geometry", "waterlinked_a50")
@@ -22,9 +23,8 @@ def test_fix_of_a_raw_log_says_to_convert_it(tmp_path: Path, name: str, suffix: 
     """Every format is known by its own mark, whatever the name of the file."""
     log = tmp_path / f"dive{suffix}"
     log.write_bytes(RAW[name][0])
-    done = bottomlock("fix", log, *GEOMETRY, "--method", "lc", "--out", tmp_path / "fixes.parquet")
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
+    said = refused("fix", log, *GEOMETRY, "--method", "lc", "--out", tmp_path / "fixes.parquet")
+    (line,) = said.splitlines()
     assert f"is a log of format {name}, not a table; convert it first: bottomlock convert {log}" in line
     assert list(tmp_path.iterdir()) == [log]
 
@@ -53,9 +53,8 @@ def test_pipes_and_devices_are_rejected_at_once(tmp_path: Path) -> None:
             ("fix", place, *GEOMETRY, "--method", "lc", "--out", to),
             ("audit", place, "--out", tmp_path / "out"),
         ):
-            done = bottomlock(*command)
-            assert done.returncode == 2, command
-            (line,) = done.stderr.splitlines()
+            said = refused(*command)
+            (line,) = said.splitlines()
             assert "is a pipe or a device, expected a file" in line
 
 
@@ -76,7 +75,7 @@ def test_beam_noise_of_a_geometry_file(tmp_path: Path, pings: int, noise: int, m
     """Not from three pings; not less than what rounding to 1 mm/s alone makes."""
     log, beams, toml = tmp_path / "log.pd0", tmp_path / "beams.parquet", tmp_path / "found.toml"
     _noisy(log, pings, noise)
-    assert bottomlock("convert", log, "--to", beams).returncode == 0
+    succeeded("convert", log, "--to", beams)
     done = bottomlock("audit", beams, "--geometry", "teledyne_20", "--out", tmp_path / "out", "--write", toml)
     if message:
         assert done.returncode == 2

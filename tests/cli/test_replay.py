@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from tests.cli.calls import command
+from tests.cli.calls import command, refused
 from tests.undrawn import figures_undrawn
 
 EXAMPLE = "data/logs/robosub"
@@ -43,9 +43,8 @@ def test_directory_of_something_else(out: Path, root: Path, tmp_path: Path) -> N
     case = str(root / EXAMPLE / "case.toml")
     mine = tmp_path / "copy"
     shutil.copytree(out, mine)
-    done = command("replay", case, "--out", str(mine), "--methods", "lc")
-    assert done.returncode == 2
-    assert "holds a replay of another configuration" in done.stderr
+    said = refused("replay", case, "--out", str(mine), "--methods", "lc")
+    assert "holds a replay of another configuration" in said
     assert (mine / "runs.parquet").read_bytes() == (out / "runs.parquet").read_bytes()
     foreign = tmp_path / "foreign"
     foreign.mkdir()

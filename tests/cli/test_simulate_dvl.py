@@ -8,7 +8,7 @@ import pytest
 
 from bottomlock.io.formats import read_recording
 from tests.cli.calls import command as bottomlock
-from tests.cli.calls import shortened
+from tests.cli.calls import shortened, succeeded
 
 RUN = ("simulate-dvl", "straight.toml", "--duration-s", "20")
 FAULTS = "drops=0.1,duplicates=0.1,stale=0.1,half_lines=0.1,clock_steps=0.1,reconnects=0.1"
@@ -47,12 +47,11 @@ def test_a_file_has_the_same_bytes_each_time_and_its_record(tmp_path: Path) -> N
 
 def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
     """DVL, IMU and depth of a run: the times of all begin together, at the time that was asked."""
-    done = bottomlock(
+    succeeded(
         "simulate-dvl", "survey.toml", "--duration-s", "3", "--speed", "max", "--clock", "2026-02-03T04:05:06",
         "--dvl", f"file:{tmp_path / 'dvl'}", "--imu", f"file:{tmp_path / 'imu'}",
         "--depth", f"file:{tmp_path / 'depth'}",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
     base_s = 1_770_091_506
     imu = [line.split(",") for line in (tmp_path / "imu").read_text().splitlines()]
     depth = [line.split(",") for line in (tmp_path / "depth").read_text().splitlines()]
@@ -71,5 +70,5 @@ def test_files_are_not_overwritten(tmp_path: Path) -> None:
     done = bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max")
     assert (done.returncode, log.read_text()) == (2, "mine")
     assert "is there already; choose another name, or use --force to replace it" in done.stderr
-    assert bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max", "--force").returncode == 0
+    succeeded(*RUN, "--dvl", f"file:{log}", "--speed", "max", "--force")
     assert log.read_bytes().startswith(b'{"time":')

@@ -10,7 +10,7 @@ from bottomlock.config.packaged import copy_packaged
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.io.beams import read_geometry
 from bottomlock.simulation.build import geometry_of
-from tests.cli.calls import command
+from tests.cli.calls import succeeded
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -22,8 +22,7 @@ def dive(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = copy_packaged("scenarios", "survey", folder / "survey.toml")
     text = re.sub(r"(?m)^duration_s = \S+", "duration_s = 30.0", path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
-    done = command("fly", path, "--sensors", "0", "--out", folder / "out")
-    assert done.returncode == 0, done.stderr
+    succeeded("fly", path, "--sensors", "0", "--out", folder / "out")
     page = (root / "docs" / "replay.md").read_text(encoding="utf-8")
     (case,) = (block for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if "simulated" in block)
     (folder / "out" / "case.toml").write_text(case, encoding="utf-8")
@@ -32,8 +31,7 @@ def dive(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_replay_ends_where_the_vehicle_did(dive: Path, tmp_path: Path) -> None:
     """Half a minute with a navigation-grade IMU and a compass of two degrees: metres, not tens of metres."""
-    done = command("replay", dive / "case.toml", "--out", tmp_path / "r")
-    assert done.returncode == 0, done.stderr
+    succeeded("replay", dive / "case.toml", "--out", tmp_path / "r")
     runs = pl.read_parquet(tmp_path / "r" / "runs.parquet").filter(method="tc")
     assert runs["position_final_m"].max() < 3.0  # type: ignore[operator]
     assert runs["velocity_rms_over_time_mps"].max() < 0.2  # type: ignore[operator]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.cli.calls import command
+from tests.cli.calls import command, refused, succeeded
 from tests.statistical.tune_logs import ACCEL_KEY, BEAM_KEY, GYRO_KEY, Dive, case_values, dive, write_case
 
 WRONG = {ACCEL_KEY: 10.0, GYRO_KEY: 0.1, BEAM_KEY: 3.0}
@@ -27,8 +27,7 @@ def folder(known: Dive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_case(folder, known, WRONG)
     path = folder / "case.toml"
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    done = command("tune", folder / "case.toml")
-    assert done.returncode == 0, done.stderr
+    succeeded("tune", folder / "case.toml")
     return folder
 
 
@@ -99,18 +98,16 @@ def test_nothing_is_overwritten(folder: Path) -> None:
         done = command("tune", folder / "case.toml", "--out", folder / out)
         assert done.returncode == 2
         assert words in done.stderr
-    done = command("tune", folder / "case.toml", "--out", folder.parent / "tuned.toml")
-    assert done.returncode == 2
-    assert "same folder" in done.stderr
+    said = refused("tune", folder / "case.toml", "--out", folder.parent / "tuned.toml")
+    assert "same folder" in said
 
 
 def test_what_cannot_be_tuned_says_so(folder: Path) -> None:
     """A recording that is too short, and a fraction that leaves nothing to judge on."""
     text = (folder / "case.toml").read_text(encoding="utf-8")
     (folder / "short.toml").write_text(text + "duration_s = 100.0\n", encoding="utf-8")
-    done = command("tune", folder / "short.toml")
-    assert done.returncode == 2
-    assert "last 49 s, expected 80 s or more" in done.stderr
+    said = refused("tune", folder / "short.toml")
+    assert "last 49 s, expected 80 s or more" in said
     done = command("tune", folder / "case.toml", "--fraction", "1.0", "--out", folder / "other.toml")
     assert done.returncode == 2
     assert "fraction is 1, expected 0.2 to 0.8" in done.stderr

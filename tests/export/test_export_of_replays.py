@@ -24,7 +24,7 @@ from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import has_origin
 from bottomlock.replay.report import read_replay
 from bottomlock.replay.run import replay_case, write_replay
-from tests.cli.calls import command
+from tests.cli.calls import command, succeeded
 from tests.oracle.rotations import matrix_from_quaternion
 from tests.replay import synthetic_dive
 from tests.replay.dive_tables import dive_tables
@@ -271,8 +271,7 @@ def test_an_export_takes_the_place_of_the_same_format_but_not_of_a_users_file(
 def test_the_command_exports_a_folder_and_names_mistakes(folder: Path, tmp_path: Path, root: Path) -> None:
     out = tmp_path / "out"
     shutil.copytree(folder, out)
-    done = command("replay", str(out), "--export", "kml,tum", cwd=root)
-    assert done.returncode == 0, done.stderr
+    succeeded("replay", str(out), "--export", "kml,tum", cwd=root)
     assert (out / "export/tracks.kml").read_bytes() == (folder / "export/tracks.kml").read_bytes()
     for words, told in (
         ((str(out),), "--export"),
