@@ -160,7 +160,7 @@ def test_partly_for_a_doubt_and_where_nothing_confirms() -> None:
 )
 def test_the_method_fits_vehicle_and_beams(rms_mps: float, partial: float, method: str) -> None:
     """An assumption on the sway is taken where pings lack beams and complete ones do not contradict it."""
-    sway = Sway(rms_mps, 20.0, 0.05, 1.0, 0.1, 0.02, 5.0)
+    sway = Sway(rms_mps, 20.0, 0.05, 1.0, 0.02, 5.0)
     answer = answer_of(evidence(sway=sway, partial=partial))
     assert (answer.method, sway.fits) == (method, rms_mps < 0.04)
     assert ("does not fit" in answer.vehicle) is not sway.fits

@@ -50,15 +50,11 @@ class Screened:
         valid: (n, B) validity without rejected beams.
         factor: (n,) noise over the claimed noise; above that of the log in down-weighted pings.
         outcome: (n,) index into `OUTLIER_TESTS`.
-        expected_mps: (n, 3) velocity that the pings around predict, NaN without any.
-        scatter_m2ps2: (3, 3) scatter of passed pings about it.
     """
 
     valid: Flags
     factor: Floats
     outcome: Times
-    expected_mps: Floats
-    scatter_m2ps2: Floats
 
 
 def screen_beams(
@@ -91,7 +87,7 @@ def screen_beams(
                 factor[k] = max(factor[k], noise.factor.min() * float(np.sqrt(statistic[k] / degrees[k])))
                 break
             rows[beams[worst]] = False
-    return Screened(kept, factor, outcome, expected, D)
+    return Screened(kept, factor, outcome)
 
 
 def outlier_of(B: Floats, z: Floats, D: Floats, sd_mps: Floats) -> int | None:

@@ -23,7 +23,6 @@ class Sway:
         time_s: lag at which its autocorrelation is below 1/e.
         white_mps: what is white from ping to ping: noise of the beams.
         surge_mps: RMS of the surge.
-        current_mps: the mean current that the sway shows on different headings.
         assumed_mps, assumed_s: 1 sigma and time of the slip that `sway_current` assumes.
     """
 
@@ -31,7 +30,6 @@ class Sway:
     time_s: float
     white_mps: float
     surge_mps: float
-    current_mps: float
     assumed_mps: float
     assumed_s: float
 
@@ -92,7 +90,6 @@ def measured_sway(case: Case, prepared: PreparedRun, time_ns: Times, yaw_rad: Fl
         time_s=time_s,
         white_mps=float(np.sqrt(max(float(np.mean(slip**2)) - var, 0.0))),
         surge_mps=float(np.sqrt(np.mean(surge**2))),
-        current_mps=float(np.hypot(found[0], found[1])),
         assumed_mps=water.slip_sd_mps,
         assumed_s=water.slip_time_s,
     )

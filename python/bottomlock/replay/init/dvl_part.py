@@ -272,7 +272,7 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     if times is None:
         raise DataError("has velocities but no column of times", place=found.table.path)
     values = found.values("v0", "v1", "v2")
-    hint = found.units.get("v0", "").replace(" ", "")
+    hint = found.units.get("v0", "")
     p95 = _usual(values)
     if hint in SPEED_SI:
         unit = Guess(hint, "the column's name says so")

@@ -9,6 +9,7 @@ from bottomlock.recordings.rig_motion import integrate
 from bottomlock.recordings.robust import white_sd
 from bottomlock.recordings.streams import Floats, Inertial, Integers
 from bottomlock.replay.init.entries import Entry
+from bottomlock.replay.read_tables import OMEGA_SI, PRESSURE_SI
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
 ROOM = 1.35
@@ -62,15 +63,9 @@ def omega_unit(time_ns: Integers, force_mps2: Floats, omega: Floats, hint: str) 
         time_ns, force_mps2, omega: (n,), (n, 3) in m/s², (n, 3) as recorded.
         hint: unit as the column's name states it.
     """
-    stated = {unit: unit for unit in ("rad/s", "deg/s", "deg/h")} | {
-        "°/s": "deg/s",
-        "dps": "deg/s",
-        "rps": "rad/s",
-    }
     p99 = float(np.nanpercentile(np.linalg.norm(omega, axis=1), 99))
-    unit = stated.get(hint.lower().replace(" ", "").replace("degrees", "deg").replace("sec", "s"))
-    if unit is not None and not (unit == "rad/s" and p99 > FAST_RADPS):
-        return Guess(unit, f"the column's name says so; 99 % of |ω| are below {p99:.3g}")
+    if hint in OMEGA_SI and not (hint == "rad/s" and p99 > FAST_RADPS):
+        return Guess(hint, f"the column's name says so; 99 % of |ω| are below {p99:.3g}")
     if p99 > 3600.0:
         return Guess("deg/h", f"99 % of |ω| are below {p99:.4g}: only degrees per hour are plausible")
     if p99 > FAST_RADPS:
@@ -148,10 +143,9 @@ def axis_names(matrix: Floats) -> tuple[str, str, str]:
 
 def pressure_unit(pressure: Floats, hint: str) -> Guess:
     """Unit of a pressure by its name or size; the surface is at 1.013 bar, or at 0 where it has been subtracted."""
-    known = {"pa": "Pa", "kpa": "kPa", "bar": "bar", "dbar": "dbar", "mbar": "mbar", "hpa": "mbar"}
     median = float(np.nanmedian(pressure))
-    if hint.lower() in known:
-        return Guess(known[hint.lower()], f"the column's name says so; its median is {median:.4g}")
+    if hint in PRESSURE_SI:
+        return Guess(hint, f"the column's name says so; its median is {median:.4g}")
     for unit, least in (("Pa", 2e4), ("mbar", 700.0), ("kPa", 70.0), ("dbar", 8.5), ("bar", 0.0)):
         if median > least:
             return Guess(unit, f"its median is {median:.4g}", known=unit in {"Pa", "mbar", "kPa"})
@@ -165,11 +159,8 @@ def angle_unit(angle: Floats, hint: str) -> Guess:
     ('deg', 'rad')
     """
     largest = float(np.nanmax(np.abs(angle)))
-    word = hint.lower()
-    if word.startswith("rad") and largest < 7.0:
-        return Guess("rad", "the column's name says so")
-    if word.startswith(("deg", "°")):
-        return Guess("deg", "the column's name says so")
+    if hint == "deg" or (hint == "rad" and largest < 7.0):
+        return Guess(hint, "the column's name says so")
     if largest > 2.0 * np.pi + 0.2:
         return Guess("deg", f"the largest is {largest:.4g}")
     return Guess("rad", f"the largest is {largest:.3g}", known=largest > 1.2)

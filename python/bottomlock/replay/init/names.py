@@ -51,9 +51,16 @@ _TIME_UNITS = {"ns": "ns", "nsec": "ns", "nanoseconds": "ns", "us": "us", "usec"
 _PREFIXES = ("field", "header", "imu", "ins", "ahrs", "gps", "sensor", "vehicle", "body", "nav", "raw", "ref",
              "truth", "odom", "pose", "twist", "attitude")  # fmt: skip
 _AXES = {"x": 0, "y": 1, "z": 2}
-_SPELLINGS = {"knots": "kn", "knot": "kn", "kts": "kn", "kt": "kn", "kph": "km/h", "kmh": "km/h", "fps": "ft/s",
-              "feet/s": "ft/s", "feet": "ft", "foot": "ft", "meters": "m", "metres": "m", "m/sec": "m/s",
-              "mps": "m/s"}  # fmt: skip
+_SPELLINGS = {
+    spelling: unit
+    for unit, spellings in {
+        "m": "meter meters metre metres", "ft": "feet foot", "m/s": "mps m/sec", "kn": "knots knot kts kt",
+        "km/h": "kph kmh", "ft/s": "fps feet/s ft/sec", "rad": "radian radians", "deg": "° degree degrees",
+        "rad/s": "rps rad/sec radians/s radians/sec", "deg/s": "dps °/s °/sec deg/sec degrees/s degrees/sec",
+        "deg/h": "°/h deg/hr degrees/h degrees/hr", "Pa": "pa", "kPa": "kpa", "mbar": "hpa",
+    }.items()
+    for spelling in spellings.split()
+}  # fmt: skip
 _QUATERNION = re.compile(r"^(?:q|quat|quaternion|orientation|attitude|att|rot|rotation)(w|x|y|z|[0-4])$")
 
 
@@ -93,12 +100,13 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def usual_unit(unit: str) -> str:
-    """A unit as a case writes it, of one in another spelling; others as they are.
+    """A unit as a case writes it, of one in another spelling.
 
-    >>> usual_unit("Knots"), usual_unit("°/s")
-    ('kn', '°/s')
+    >>> [usual_unit(one) for one in ("Knots", "°/s", "kPa", "CM/S", "m / s")]
+    ['kn', 'deg/s', 'kPa', 'cm/s', 'm/s']
     """
-    return _SPELLINGS.get(unit.lower().replace(" ", ""), unit)
+    bare = unit.lower().replace(" ", "")
+    return _SPELLINGS.get(bare, bare)
 
 
 def time_unit(name: str, unit: str = "") -> str | None:
