@@ -29,12 +29,20 @@ SUCCESS = TransitionCallbackReturn.SUCCESS
 
 
 @pytest.fixture(scope="module")
-def bag(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bag of the dive."""
+def read(
+    root: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[list[dive.Arrival], list[tuple[str, Any]]]:
+    """What the bag of the dive holds, as bytes and as messages."""
     path = tmp_path_factory.mktemp("bag") / "dive"
     directions = np.asarray(read_geometry("teledyne_30").geometry.directions_p)
     dive.write_bag(path, list(dive.arrivals(root, SECONDS, directions)))
-    return path
+    return dive.read_bag(path)
+
+
+@pytest.fixture
+def played(read: tuple[list[dive.Arrival], Any]) -> list[dive.Arrival]:
+    """The bytes of the bag."""
+    return read[0]
 
 
 @pytest.fixture
@@ -68,7 +76,7 @@ def play(graph: Graph, played: list[dive.Arrival]) -> None:
 
 
 def test_a_bag_gives_the_bits_of_a_replay(
-    bag: Path,
+    read: tuple[list[dive.Arrival], list[tuple[str, Any]]],
     graph: Graph,
     module: Any,  # noqa: ANN401
     monkeypatch: pytest.MonkeyPatch,
@@ -82,7 +90,7 @@ def test_a_bag_gives_the_bits_of_a_replay(
         return bottomlock.Navigator(*args, **settings)
 
     monkeypatch.setattr(aligned, "Navigator", recorded)
-    played, read = dive.read_bag(bag)
+    played, messages = read
     node = started(module)
     play(graph, played)
     assert node.change("deactivate") is SUCCESS
@@ -91,7 +99,7 @@ def test_a_bag_gives_the_bits_of_a_replay(
     ((geometry, model, options, start, settings),) = begun
 
     # What the bag holds, read by the library, in our axes.
-    of = {topic: [message for name, message in read if name == topic] for topic in dive.TYPES}
+    of = {topic: [message for name, message in messages if name == topic] for topic in dive.TYPES}
     times = {topic: np.array([stamp(message) for message in of[topic]]) for topic in of}
     frd = np.array([1.0, -1.0, -1.0])
     velocity = np.array([message.beam_velocity for message in of["/dvl"]]).astype(np.float64)
@@ -176,9 +184,8 @@ def estimate_of(replayed: Any, row: int, time_ns: int, log: Any) -> Estimate:  #
     )
 
 
-def test_what_is_published(bag: Path, graph: Graph, module: Any) -> None:  # noqa: ANN401
+def test_what_is_published(played: list[dive.Arrival], graph: Graph, module: Any) -> None:  # noqa: ANN401
     """Types, axes, /tf equal to the odometry of its time; no pose before the alignment, diagnostics always."""
-    played, _ = dive.read_bag(bag)
     node = started(module)
     play(graph, played[:800])
     store = Messages().store
@@ -222,9 +229,8 @@ def test_what_is_published(bag: Path, graph: Graph, module: Any) -> None:  # noq
     assert node.lifecycle_publishers[0].qos.reliability.name == "RELIABLE"
 
 
-def test_unsafe_sends_diagnostics_alone(bag: Path, graph: Graph, module: Any) -> None:  # noqa: ANN401
+def test_unsafe_sends_diagnostics_alone(played: list[dive.Arrival], graph: Graph, module: Any) -> None:  # noqa: ANN401
     """Inertial readings that end: ERROR, with the reason, and no pose any more."""
-    played, _ = dive.read_bag(bag)
     started(module)
     play(graph, played[:800])
     end_ns = played[799].time_ns
@@ -242,9 +248,8 @@ def test_unsafe_sends_diagnostics_alone(bag: Path, graph: Graph, module: Any) ->
     assert status[2].message == "silent"
 
 
-def test_time_of_a_simulation(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_time_of_a_simulation(played: list[dive.Arrival], graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
     """Nothing is taken before the first /clock; a bag that plays again begins an estimate and a raw log anew."""
-    played, _ = dive.read_bag(bag)
     started(module)
     assert graph.publish(played[0].topic, played[0].data) == 1
     assert not (tmp_path / "logs").exists()
@@ -263,9 +268,8 @@ def test_time_of_a_simulation(bag: Path, graph: Graph, module: Any, tmp_path: Pa
     assert times == sorted(times)
 
 
-def test_transitions(bag: Path, graph: Graph, module: Any) -> None:  # noqa: ANN401
+def test_transitions(played: list[dive.Arrival], graph: Graph, module: Any) -> None:  # noqa: ANN401
     """An inactive node takes and sends nothing; it can be activated again, and configured anew."""
-    played, _ = dive.read_bag(bag)
     node = module.BottomlockNode()
     assert node.change("configure") is SUCCESS
     graph.at(played[0].time_ns)
@@ -284,9 +288,8 @@ def test_transitions(bag: Path, graph: Graph, module: Any) -> None:  # noqa: ANN
     assert graph.nodes == []
 
 
-def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> None:  # noqa: ANN401
+def test_damaged_messages_are_counted(played: list[dive.Arrival], graph: Graph, module: Any) -> None:  # noqa: ANN401
     """Half a message, one of another type, and none: diagnostics say how many and why; the estimate goes on."""
-    played, _ = dive.read_bag(bag)
     node = started(module)
     play(graph, played[:600])
     graph.publish("/dvl", next(one.data for one in played if one.topic == "/dvl")[:100])
@@ -308,11 +311,10 @@ def test_damaged_messages_are_counted(bag: Path, graph: Graph, module: Any) -> N
     assert node.state == "active"
 
 
-def test_a_checkpoint(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_a_checkpoint(played: list[dive.Arrival], graph: Graph, module: Any, tmp_path: Path) -> None:  # noqa: ANN401
     """Saved while it runs; a node that starts within its age goes on from it, with the next reset counter."""
     file = Path(graph.parameters["config"])
     file.write_text(file.read_text() + '[checkpoint]\nfile = "dive.checkpoint"\n')
-    played, _ = dive.read_bag(bag)
     node = started(module)
     play(graph, played[:800])
     node.destroy_node()
@@ -324,7 +326,7 @@ def test_a_checkpoint(bag: Path, graph: Graph, module: Any, tmp_path: Path) -> N
 
 
 def test_whatever_is_raised_is_logged(
-    bag: Path,
+    played: list[dive.Arrival],
     graph: Graph,
     module: Any,  # noqa: ANN401
     monkeypatch: pytest.MonkeyPatch,
@@ -342,7 +344,6 @@ def test_whatever_is_raised_is_logged(
     assert "ZeroDivisionError: planted" in graph.words("error")
     assert node.change("configure") is SUCCESS
     assert node.change("activate") is SUCCESS
-    played, _ = dive.read_bag(bag)
     play(graph, played[:10])
     graph.said.clear()
     with monkeypatch.context() as patch:
