@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import fcntl
+import ipaddress
 import json
 import os
 import re
@@ -13,8 +14,9 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,29 @@ def served(folder: Path, *words: str) -> Iterator[int]:
             _, told = running.communicate(timeout=PATIENCE_S)
             assert "Traceback" not in told, told
     assert running.returncode == 0
+
+
+@contextlib.contextmanager
+def here(folder: Path, host: str = "127.0.0.1", networks: Sequence[str] = ()) -> Iterator[int]:
+    """The port of a set-up page that is served by this process."""
+    kept, opened, loop = SetupFolder(folder), threading.Event(), asyncio.new_event_loop()
+    free = [ipaddress.ip_network(network) for network in networks]
+    server = SetupServer(kept, LiveProcess(kept.config, print), host, 0, networks=free)
+    running = loop.create_task(server.run(opened.set))
+
+    def run() -> None:
+        with contextlib.suppress(asyncio.CancelledError):
+            loop.run_until_complete(running)
+        loop.close()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        assert opened.wait(PATIENCE_S)
+        yield int(server.url.rstrip("/").rpartition(":")[2])
+    finally:
+        loop.call_soon_threadsafe(running.cancel)
+        thread.join()
 
 
 def shown(port: int) -> dict[str, Any]:
@@ -170,7 +195,7 @@ def live_processes(folder: Path) -> list[int]:
 
 def test_blueos_finds_the_service(tmp_path: Path) -> None:
     """As its helper does: a page, then metadata of its own type; the name that BlueOS makes of it has letters."""
-    with served(tmp_path) as port:
+    with here(tmp_path) as port:
         found = detect_service(port)
         assert found is not None
         assert re.sub(r"[^a-z0-9]", "", found.name.lower()) == "bottomlock"
@@ -184,7 +209,7 @@ def test_blueos_finds_the_service(tmp_path: Path) -> None:
 
 def test_other_pages_change_nothing(tmp_path: Path) -> None:
     """A form of another page, one of another origin, a name of the web, a method, a length: each is refused."""
-    with served(tmp_path) as port:
+    with here(tmp_path) as port:
         good = {"Content-Type": "application/json"}
         body = json.dumps({"mode": "velocity"})
         for headers, code in (
@@ -237,7 +262,7 @@ def test_a_neighbour_needs_the_token(tmp_path: Path) -> None:
         assert get(port, f"/{token}/setup")[0] == 200
         assert ask(port, "GET", f"/{token}", None, {})[0] == 308
         assert post(port, f"/{token}/save", {"mode": "velocity"}) == (200, {"faults": []})
-    with served(tmp_path, "--host", "0.0.0.0", "--networks", "10.0.0.0/8") as port:
+    with here(tmp_path, "0.0.0.0", ["10.0.0.0/8"]) as port:
         assert get(port, "/setup")[0] == 403
         assert get(port, f"/{token}/setup")[0] == 200
 
@@ -299,7 +324,7 @@ def test_only_raw_logs_are_given(tmp_path: Path) -> None:
     (tmp_path / "live.toml").write_text("secret")
     (logs / "link.mcap").symlink_to(tmp_path / "live.toml")
     (logs / "folder.mcap").mkdir()
-    with served(tmp_path) as port:
+    with here(tmp_path) as port:
         assert get(port, "/logs/a.mcap") == (200, b"log")
         assert [log["name"] for log in shown(port)["logs"]] == ["a.mcap"]
         for name in NOT_GIVEN:
