@@ -16,6 +16,9 @@ from bottomlock.live.engine import Engine
 from bottomlock.live.navigation import NavigationEstimator
 from bottomlock.ports.estimate import SILENT
 
+_BOUND = 2**63
+"""Of the numbers of the line of JSON."""
+
 
 def pack(engine: Engine, now_ns: int) -> bytes | None:
     """A checkpoint; None while there is nothing that is worth going on with."""
@@ -71,7 +74,7 @@ def _unpack(config: LiveConfig, content: bytes) -> tuple[dict[str, Any], Navigat
         numbers = [head["saved_ns"], head["reset_counter"]]
     except (ValueError, KeyError, TypeError) as error:
         raise DataError("it is no checkpoint of `bottomlock live`") from error
-    if not all(isinstance(value, int) for value in numbers):
+    if not all(type(value) is int and 0 <= value < _BOUND for value in numbers):
         raise DataError("it is no checkpoint of `bottomlock live`")
     if not fits:
         raise DataError("it was made with other settings or another geometry of the DVL")
