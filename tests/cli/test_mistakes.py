@@ -65,6 +65,26 @@ def test_a_mistake_is_named(command: str, tmp_path: Path, monkeypatch: pytest.Mo
         assert text in str(error)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("live-setup here --port 99999", "--port is 99999, expected 0 to 65535"),
+        ("live-setup here --host rov..local", "'rov..local' is no name of a host"),
+        ("live-setup live.toml", "live.toml is a file, expected a folder"),
+        ("simulate-dvl straight --dvl file:out --run 99999999999999999999", "--run is 99999999999999999999"),
+    ],
+)
+def test_what_no_system_takes_is_refused_at_once(
+    arguments: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A port beyond 16 bits was another one, and a file in place of a folder was told at the first click."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "live.toml").write_text(FILES["live.toml"])
+    with pytest.raises(BottomlockError) as caught:
+        app(arguments.split(), exit_on_error=False)
+    assert words in str(caught.value)
+
+
 def test_every_command_that_reads_input_has_its_mistake() -> None:
     """Left out are those that only serve what runs: a demonstration and a page."""
     assert set(COMMANDS) - set(MISTAKES) == {"keys", "live-demo", "live-setup"}

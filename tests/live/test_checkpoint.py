@@ -57,7 +57,11 @@ def test_goes_on_within_two_seconds(tmp_path: Path) -> None:
         (lambda content: content[:-1], 1.0, "cannot be used"),
         (lambda _: b"", 1.0, "no checkpoint"),
         (lambda _: b"{}\n", 1.0, "no checkpoint"),
-        (lambda content: content.replace(b'"saved_ns": ', b'"saved_ns": ' + b"9" * 400), 1.0, "no checkpoint"),
+        (
+            lambda content: content.replace(b'"saved_ns": ', b'"saved_ns": ' + b"9" * 400),
+            1.0,
+            "no checkpoint",
+        ),
         (lambda content: content.replace(b'"settings": "', b'"settings": "x'), 1.0, "other settings"),
     ],
 )

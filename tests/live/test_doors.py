@@ -74,6 +74,31 @@ def test_an_autopilot_that_sends_to_who_speaks_first() -> None:
     assert len({sender for _, sender in heard}) == 1
 
 
+def test_datagrams_of_two_hosts_are_not_mixed() -> None:
+    """The first gives readings; the other's are counted, and what its record would begin is not read."""
+    port = free_port(socket.SOCK_DGRAM)
+    told: list[str] = []
+    settings = config(dvl=f"udpin:127.0.0.1:{port}")
+    live = Live(settings, Engine(settings), say=told.append)
+    reports = [data for _, _, data in World(4.0).arrivals()]
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+    ):
+        second.bind(("127.0.0.2", 0))
+
+        def mixed() -> bool:
+            if live.sources[0].state == "listening" and reports:
+                first.sendto(reports.pop(0), ("127.0.0.1", port))
+                if live.engine.sources[0].used:
+                    second.sendto(b'{"type":"velocity"', ("127.0.0.1", port))
+            return live.sources[0].not_read >= 3 and live.engine.sources[0].used >= 5
+
+        asyncio.run(run_until(live, mixed))
+    assert dict(live.engine.sources[0].reader.skipped) == {}
+    assert sum("a second host" in line for line in told) == 1
+
+
 def test_nobody_who_receives_is_shown() -> None:
     """A datagram that is refused: the target says so."""
     live = made(config(to=f"udpout:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"))

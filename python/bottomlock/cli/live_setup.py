@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bottomlock.cli.console import errors
+from bottomlock.cli.parameters import check_option
 from bottomlock.errors import BottomlockError, OutputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -38,6 +39,9 @@ def live_setup(
     from bottomlock.setup.process import LiveProcess
     from bottomlock.setup.server import SetupServer
 
+    check_option("--port", port, "0 to 65535", holds=0 <= port <= 65_535)
+    if folder.exists() and not folder.is_dir():
+        raise ScenarioError("is a file", place=folder, expected="a folder, or one that is to be made")
     kept = SetupFolder(folder)
     process = LiveProcess(kept.config, _say)
     try:

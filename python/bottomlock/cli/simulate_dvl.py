@@ -203,7 +203,7 @@ def _pace(text: str) -> float | None:
 
 
 def _check(*, run: int, latency_ms: float, altitude_m: float, duration_s: float | None) -> None:
-    check_option("--run", run, "a run number, 0 or more", holds=run >= 0)
+    check_option("--run", run, "a run number, 0 to 4294967295", holds=0 <= run < 2**32)
     check_option("--latency-ms", f"{latency_ms:g}", "0 to 10000 ms", holds=0.0 <= latency_ms <= 10_000.0)
     check_option("--altitude-m", f"{altitude_m:g}", "above 0, to 10000 m", holds=0.0 < altitude_m <= 10_000.0)
     check_option("--duration-s", duration_s, "seconds above 0", holds=0.0 < (duration_s or 1.0) < math.inf)

@@ -17,8 +17,9 @@ from bottomlock.live.loop import TcpServer, words_of
 from bottomlock.ports.address import Address
 
 SECOND = "a second client is sent away: the first gives readings"
+OTHER = "datagrams of a second host are dropped: the first gives readings"
 HELD_S = 5.0
-"""A client that has given a reading within this time keeps its place; another is sent away."""
+"""A client, or a host of datagrams, that has given a reading within this time keeps its place; another waits."""
 MOST_RECEIVERS = 32
 """Clients of one target."""
 FULL = f"a further client is sent away: there are {MOST_RECEIVERS}"
@@ -93,9 +94,12 @@ class _Server(Device):
 
 
 class _Datagrams(Device, asyncio.DatagramProtocol):
-    """Datagrams that come to an address of ours, or go to one, with those that answer; each is a piece."""
+    """Datagrams that come to an address of ours, or go to one, with those that answer; each is a piece.
 
-    _failed_s = -math.inf
+    Of a source they are those of one host: two vehicles are never mixed.
+    """
+
+    _failed_s, _from = -math.inf, ""
 
     def __init__(self, address: Address, *given: Any, **settings: Any) -> None:  # noqa: ANN401 - of `Device`
         super().__init__(address, *given, **settings)
@@ -105,6 +109,14 @@ class _Datagrams(Device, asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:  # noqa: ANN401 - asyncio's
         """As asyncio calls it."""
+        if self._on_data is not None and addr[0] != self._from:
+            if asyncio.get_running_loop().time() - self._read_s < HELD_S:
+                self._waiting.dropped += 1
+                self._warn(OTHER)
+                return
+            if self._from:
+                self._on_connected()  # what the other host has begun does not go on
+            self._from = addr[0]
         if answer := self._answer(data):
             self._socket.sendto(answer, addr)
         self._wait(data)
