@@ -70,7 +70,7 @@ def test_a_mistake_is_named(command: str, tmp_path: Path, monkeypatch: pytest.Mo
     [
         ("live-setup here --port 99999", "--port is 99999, expected 0 to 65535"),
         ("live-setup here --host rov..local", "'rov..local' is no name of a host"),
-        ("live-setup live.toml", "live.toml is a file, expected a folder"),
+        ("live-setup live.toml", "live.toml: is a file, expected a folder"),
         ("simulate-dvl straight --dvl file:out --run 99999999999999999999", "--run is 99999999999999999999"),
     ],
 )
