@@ -71,6 +71,7 @@ class Closure:
         own_ratio: of the beams less those of the instrument's own velocity, likewise; None where it states none.
 
     Examples:
+        >>> from dataclasses import replace
         >>> from bottomlock.io.beams import read_geometry
         >>> a50 = read_geometry("waterlinked_a50")  # claims 4 mm/s
         >>> closure, one = Closure(a50), np.array([0.08, 0.0, 0.0, 0.0])
