@@ -1,5 +1,6 @@
 """Tables as loggers, spreadsheets and cut-off downloads leave them: what is read, and what is said of the rest."""
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -195,6 +196,11 @@ def test_a_file_without_rows_says_so(tmp_path: Path, content: str, rows: int) ->
     with pytest.raises(DataError, match="no rows") as caught:
         read(tmp_path / "gps.csv", content)
     assert f"{rows} lines" in str(caught.value)
+
+
+def test_what_is_compressed_says_so(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="is compressed; unpack it"):
+        read(tmp_path / "imu.csv.gz", gzip.compress(PLAIN.encode()))
 
 
 def test_a_duration_is_a_time(tmp_path: Path) -> None:

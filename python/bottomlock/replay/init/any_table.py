@@ -22,6 +22,8 @@ _TIMES_ITS_SIZE = 8.0
 """Memory that reading a text takes, over its size."""
 _SUFFIXES = {".parquet", ".pq"}
 _COMMENTS = ("#", "%", "//")
+PACKED = (b"\x1f\x8b", b"PK\x03\x04")
+"""How gzip and zip begin; a workbook of a spreadsheet is a zip."""
 MOST_ZEROS = 0.01
 """Part of the bytes that are zero from which a file is no text; a logger that loses its power leaves some."""
 NAMES = (
@@ -88,6 +90,8 @@ def read_any_table(path: Path) -> AnyTable:
         written = path.read_bytes()
     except OSError as error:
         raise DataError(f"cannot be read ({error.strerror or error})", place=path) from error
+    if written.startswith(PACKED):
+        raise DataError("is compressed", place=path, hint="unpack it; export a workbook as CSV")
     raw = utf8(written)
     if raw[:_HEAD].count(b"\0") > MOST_ZEROS * len(raw[:_HEAD]):
         raise DataError("holds binary data of no known format", place=path)
