@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -75,6 +76,19 @@ def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
     (clock,) = engine.sources[0].clocks.values()
     assert clock.last_step_ns == pytest.approx(-7e8, abs=6e6)
     assert engine.state == "OK"
+
+
+def test_times_in_another_unit_are_named() -> None:
+    """Milliseconds in place of microseconds: nothing after the first ping is sent as OK, and the mistake is told."""
+    engine = Engine(config())
+    late = [
+        (at, source, re.sub(rb'("time_of_(?:validity|transmission)":\d+)\d{3}', rb"\1", data))
+        for at, source, data in World(8.0).arrivals()
+    ]
+    fly(engine, late)
+    assert engine.state == "UNSAFE"
+    words = "its clock is set again and again: are its times in the unit of its format?"
+    assert engine.sources[0].refused[words] > 30
 
 
 def asked_in_between(engine: Engine, world: World) -> list[tuple[int, Message]]:

@@ -31,6 +31,8 @@ WAIT_NS = 150_000_000
 REPEATS = 64
 """Stamps that a DVL's are compared with to find repeats."""
 
+OFTEN = 0.2
+"""Steps of a clock over readings that were taken, above which it runs at another rate than its stamps."""
 OLDEST_NS = 10_000_000_000
 """Age from which on a stamp on the host's clock is none: the longest horizon of a navigator."""
 
@@ -263,7 +265,12 @@ class Engine:
         clock = one.clock_of(reading)
         verdict = clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
         if verdict == "late":
-            one.refused.add("late, or its clock was set: time of validity unsure")
+            is_odd = clock.steps > OFTEN * max(one.used, 10)
+            one.refused.add(
+                "its clock is set again and again: are its times in the unit of its format?"
+                if is_odd
+                else "late, or its clock was set: time of validity unsure"
+            )
             return None
         if verdict == "stepped":
             one.stamps.clear()
