@@ -41,8 +41,10 @@ class Reasons(Counter[str]):
 PINGS = 20
 """Complete pings that are judged together."""
 OWN_PINGS = 3
-"""Those from which on beams are compared with the instrument's own velocity, which has the same noise: of four recordings
-of an A50 three pings differ by 2.8 times its packaged noise at most, one by 10.5, `PINGS` by 1.1."""
+"""Those from which on beams are compared with the instrument's own velocity, which has the same noise.
+
+In four recordings of an A50 three pings differ by 2.8 times its packaged noise at most, one by 10.5, `PINGS` by 1.1.
+"""
 _GAUSSIAN = 0.6745
 """Median of |z| of a standard normal z."""
 
