@@ -369,12 +369,12 @@ def test_a_format_that_is_not_the_files_names_the_one_that_it_looks_like(tmp_pat
     assert error.value.hint == "it looks like a log of format waterlinked-json: leave --format out"
 
 
-@pytest.mark.parametrize("form", ["array", "UTF-16", "UTF-8"])
+@pytest.mark.parametrize("form", ["array", "UTF-16", "UTF-16 without a mark", "UTF-8"])
 def test_an_array_of_json_and_utf16_hold_the_same_pings(form: str, tmp_path: Path) -> None:
     """As exports write them: one array with an object over many lines, and text with a byte order mark."""
     lines = dvl_bytes(tables(drawn_dive(3, seconds=20.0))["beams"], "waterlinked-json", "waterlinked_a50")
     records = [json.loads(one) for one in lines.splitlines()]
-    marked = {"UTF-16": "utf-16", "UTF-8": "utf-8-sig"}.get(form)
+    marked = {"UTF-16": "utf-16", "UTF-16 without a mark": "utf-16-be", "UTF-8": "utf-8-sig"}.get(form)
     other = lines.decode().encode(marked) if marked else json.dumps(records, indent=1).encode()
     read = []
     for name, data in (("lines.json", lines), ("other.json", other)):

@@ -45,6 +45,7 @@ QUOTED = "\n".join(",".join(f'"{cell.replace(".", ",")}"' for cell in row) for r
     ("content", "rows", "said"),
     [
         (PLAIN.encode("utf-16"), 40, ""),
+        (PLAIN.encode("utf-16-le"), 40, ""),
         (PLAIN.replace(",", ", "), 40, ""),
         (QUOTED, 40, ""),
         ("Logger v2.1\nSerial: 7, port 3, firmware 5\n\n" + PLAIN, 40, ""),
@@ -57,8 +58,8 @@ QUOTED = "\n".join(",".join(f'"{cell.replace(".", ",")}"' for cell in row) for r
         (lines(PLAIN, ",".join(NAMES), at=20), 40, "line 21"),
         (PLAIN.replace("0.600,", "N/A,"), 40, "1 cells of vx are no numbers ('N/A')"),
     ],
-    ids=["UTF-16", "comma and space", "quoted decimal commas", "lines above", "cut off", "cut off in quotes",
-         "carriage returns", "closing commas", "zeros", "garbage", "names", "N/A"],
+    ids=["UTF-16", "UTF-16 without a mark", "comma and space", "quoted decimal commas", "lines above", "cut off",
+         "cut off in quotes", "carriage returns", "closing commas", "zeros", "garbage", "names", "N/A"],
 )  # fmt: skip
 def test_is_read_and_written_again(tmp_path: Path, content: str | bytes, rows: int, said: str) -> None:
     """A replay's reader takes none of them as it is, so that the case needs a table of its own."""

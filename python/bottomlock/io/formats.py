@@ -204,9 +204,18 @@ def converted_first(path: str | Path, time: str = "time_ns") -> Iterator[None]:
 
 
 def utf8(data: bytes) -> bytes:
-    """Text that begins with a byte order mark as UTF-8 without it; other bytes as they are."""
+    """Text in UTF-16, or that begins with a byte order mark, as UTF-8 without it; other bytes as they are.
+
+    >>> [utf8("t,x".encode(name)) for name in ("utf-16", "utf-16-le", "utf-16-be", "utf-8-sig")]
+    [b't,x', b't,x', b't,x', b't,x']
+    """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "ignore").encode()
+    # Without a mark every second byte of what names columns is zero, and no other one.
+    head = data[:64]
+    for name, low in (("utf-16-le", 0), ("utf-16-be", 1)):
+        if len(head) > 1 and all(head[low::2]) and not any(head[1 - low :: 2]):
+            return data.decode(name, "ignore").encode()
     return data.removeprefix(codecs.BOM_UTF8)
 
 
