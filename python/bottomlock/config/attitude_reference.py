@@ -3,13 +3,13 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from bottomlock import units
 from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.section import Mounting, SensorErrors, in_si, shown
 from bottomlock.kernel import models
-from bottomlock.kernel.models import NonNegative, Positive
+from bottomlock.kernel.models import NonNegative, Positive, Real
 
 START_FACTOR = 3.0
 """1 sigma of a start over that of the reading it is from, where readings with the same slow error follow. The slow
@@ -41,7 +41,7 @@ class AttitudeReference(Graded, SlowAttitudeErrors, Mounting):
     them"""
     frame: Literal["ned_frd", "enu_flu"] = "ned_frd"
     """frames of the angles: north-east-down to forward-starboard-down, or east-north-up to forward-port-up"""
-    yaw_offset_deg: Annotated[float, Strict(), Field(ge=-360, le=360)] = 0.0
+    yaw_offset_deg: Annotated[Real, Field(ge=-360, le=360)] = 0.0
     """added to the yaw, for instance a declination"""
     aids: Literal["attitude", "heading", "nothing"] = "nothing"
     """what the filter uses of it; the alignment may use it in any case"""

@@ -3,12 +3,12 @@
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, Strict, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.section import Mounting, Section, Vector, shown
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
-from bottomlock.kernel.models import Positive
+from bottomlock.kernel.models import Positive, Real
 
 LEAST_TILT_DEG = 2.0
 """Least tilt of the most tilted beam of a DVL; any tilt in radians is less."""
@@ -23,7 +23,7 @@ def _not_in_radians(tilt_deg: float) -> float:
     return tilt_deg
 
 
-BeamTilt = Annotated[float, Strict(), Field(gt=0, lt=90), AfterValidator(_not_in_radians)]
+BeamTilt = Annotated[Real, Field(gt=0, lt=90), AfterValidator(_not_in_radians)]
 """The tilt of every beam of a Janus configuration."""
 
 
@@ -35,12 +35,12 @@ class BeamDirections(Section):
     tilt_deg: Annotated[BeamTilt | None, shown(range="≥ 2.0, < 90.0", example=20.0)] = None
     """tilt of every beam from the vertical; needed for x and +"""
     tilts_deg: Annotated[
-        tuple[Annotated[float, Strict(), Field(gt=-90, lt=90)], ...] | None,
+        tuple[Annotated[Real, Field(gt=-90, lt=90)], ...] | None,
         shown(example=[22.5, 22.5, 22.5, 22.5]),
     ] = None
     """tilt of each beam; needed for angles"""
     azimuths_deg: Annotated[
-        tuple[Annotated[float, Strict(), Field(ge=-360, le=360)], ...] | None,
+        tuple[Annotated[Real, Field(ge=-360, le=360)], ...] | None,
         shown(example=[135.0, -135.0, -45.0, 45.0]),
     ] = None
     """azimuth of each beam from forward to starboard; needed for angles"""

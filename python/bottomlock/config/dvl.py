@@ -3,16 +3,16 @@
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.section import PackagedOrFile, Section, in_si, shown
 from bottomlock.kernel import models
-from bottomlock.kernel.models import Calibration, Finite, NonNegative, Positive
+from bottomlock.kernel.models import Calibration, Finite, NonNegative, Positive, Real
 
-SmallAngle = Annotated[float, Strict(), Field(ge=0, le=30, allow_inf_nan=False)]
+SmallAngle = Annotated[Real, Field(ge=0, le=30, allow_inf_nan=False)]
 """1 sigma of a mounting angle, degrees: the filter is linear in it."""
-ShortTime = Annotated[float, Strict(), Field(ge=0, lt=2, allow_inf_nan=False)]
+ShortTime = Annotated[Real, Field(ge=0, lt=2, allow_inf_nan=False)]
 """1 sigma of a clock, seconds: the filter is linear in it."""
 
 
@@ -39,7 +39,7 @@ class StatedCalibration(Section):
 
     mounting_sd_deg: tuple[SmallAngle, SmallAngle, SmallAngle] = (0.0, 0.0, 0.0)
     """1 sigma of the mounting about the platform's forward, right and down axes"""
-    scale_percent: Annotated[float, Strict(), Field(gt=-50, lt=50, allow_inf_nan=False)] = 0.0
+    scale_percent: Annotated[Real, Field(gt=-50, lt=50, allow_inf_nan=False)] = 0.0
     """so much too much the DVL reads"""
     scale_sd_percent: Annotated[Positive | None, shown(example=0.3)] = None
     """1 sigma of the scale; none: that of the case"""

@@ -3,13 +3,13 @@
 import math
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from bottomlock import units
 from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.section import Section, in_si, shown
 from bottomlock.kernel import models
-from bottomlock.kernel.models import NonNegative, Positive
+from bottomlock.kernel.models import NonNegative, Positive, Real, Whole
 
 WEIGHTLESS_MPS2 = 0.0
 """Gravity of a filter whose specific forces are made without it."""
@@ -49,10 +49,10 @@ class ImuLimits(Section, kernel=models.ImuLimits):
     The last of `stuck_after` equal readings is rejected (docs/imu_faults.md).
     """
 
-    max_rate_deg_per_s: Annotated[float, Strict(), Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
-    max_force_mps2: Annotated[float, Strict(), Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
-    stuck_after: Annotated[int, Strict(), Field(ge=0, le=1_000_000), shown(unit="1")] = _LIMITS.stuck_after
-    max_gap_s: Annotated[float, Strict(), Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
+    max_rate_deg_per_s: Annotated[Real, Field(gt=0, le=1e6)] = math.degrees(_LIMITS.max_rate_radps)
+    max_force_mps2: Annotated[Real, Field(gt=0, le=1e6)] = _LIMITS.max_force_mps2
+    stuck_after: Annotated[Whole, Field(ge=0, le=1_000_000), shown(unit="1")] = _LIMITS.stuck_after
+    max_gap_s: Annotated[Real, Field(gt=0, le=1e6)] = _LIMITS.max_gap_s
     gap: Literal["refuse", "inflate"] = _LIMITS.gap
     gap_rate_deg_per_s: NonNegative = math.degrees(_LIMITS.gap_rate_sd_radps)
     gap_accel_mps2: NonNegative = _LIMITS.gap_accel_sd_mps2
@@ -65,7 +65,7 @@ class ImuLimits(Section, kernel=models.ImuLimits):
 class Imu(ImuErrors):
     """Inertial measurement unit: rate, errors, and the limits of its readings outside a simulation."""
 
-    rate_hz: Annotated[float, Strict(), Field(ge=1, le=10_000)] = 150.0
+    rate_hz: Annotated[Real, Field(ge=1, le=10_000)] = 150.0
     """rate of the readings"""
     sampling: Literal["instantaneous", "averaged"] = "instantaneous"
     """whether a reading is of its moment, or the mean over the interval before it"""

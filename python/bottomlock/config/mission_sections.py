@@ -3,16 +3,16 @@
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias, get_args
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from bottomlock.config.section import PackagedOrFile, Section, shown
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Whole
 
-Speed = Annotated[float, Strict(), Field(gt=0.0, le=50.0)]
-Duration = Annotated[float, Strict(), Field(gt=0.0, le=86_400.0)]
+Speed = Annotated[Real, Field(gt=0.0, le=50.0)]
+Duration = Annotated[Real, Field(gt=0.0, le=86_400.0)]
 """Seconds, a day at most: a mission is integrated step by step."""
 
-Length = Annotated[float, Strict(), Field(ge=0.1, le=1e6)]
+Length = Annotated[Real, Field(ge=0.1, le=1e6)]
 """Metres of a part of a path, of which a mission has a number that can be held."""
 
 
@@ -40,7 +40,7 @@ class CurrentTable(Section):
 class StuckFinTable(Section):
     """A fin that is stuck at an angle."""
 
-    fin: Annotated[int, Strict(), Field(ge=1, le=4), shown(unit="1", example=2)]
+    fin: Annotated[Whole, Field(ge=1, le=4), shown(unit="1", example=2)]
     """number of the fin that is stuck"""
     angle_deg: Annotated[Finite, shown(example=5.0)]
     """angle at which it stands"""

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout, BeamTilt
@@ -12,17 +12,17 @@ from bottomlock.config.instrument_grades import Graded, one_of
 from bottomlock.config.own_methods import OwnMethods, known_methods
 from bottomlock.config.section import Earth, Outliers, PackagedOrFile, Section, Triple, shown
 from bottomlock.kernel import INERTIAL_STATES, METHODS, STATES, models
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Whole
 
 
 class Environment(Earth):
     """Position on the Earth, and the date; longitude and decimal year are used for the magnetic field only."""
 
-    latitude_deg: Annotated[float, Strict(), Field(ge=-90, le=90)] = 32.8
+    latitude_deg: Annotated[Real, Field(ge=-90, le=90)] = 32.8
     """latitude, for gravity and the Earth's rate"""
-    longitude_deg: Annotated[float, Strict(), Field(ge=-180, le=360)] = 35.0
+    longitude_deg: Annotated[Real, Field(ge=-180, le=360)] = 35.0
     """longitude, for the magnetic field alone"""
-    year: Annotated[float, Strict(), Field(ge=1900, le=2100), shown(unit="year")] = 2026.0
+    year: Annotated[Real, Field(ge=1900, le=2100), shown(unit="year")] = 2026.0
     """decimal year, for the magnetic field alone"""
     depth_m: Finite = 0.0
     """depth at which normal gravity is taken; on the ellipsoid it follows from the vehicle's depth"""
@@ -33,7 +33,7 @@ class Environment(Earth):
 class Outage(Section):
     """Beams that do not return between two times."""
 
-    beams: Annotated[tuple[Annotated[int, Strict(), Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])]
+    beams: Annotated[tuple[Annotated[Whole, Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])]
     """beams that do not return, numbered from 1"""
     from_s: NonNegative = 0.0
     """begin, from the start"""
@@ -50,7 +50,7 @@ class Outage(Section):
 class Dropout(Section):
     """Beams that come and go by chance, each by itself: mean times up and down, memoryless in between."""
 
-    beams: Annotated[tuple[Annotated[int, Strict(), Field(ge=1, le=8)], ...], shown(unit="1", example=[1, 2])]
+    beams: Annotated[tuple[Annotated[Whole, Field(ge=1, le=8)], ...], shown(unit="1", example=[1, 2])]
     """beams that come and go, each by itself, numbered from 1"""
     mean_up_s: Annotated[Positive, shown(example=20.0)]
     """mean time that a beam returns"""
@@ -74,7 +74,7 @@ class Dvl(Outliers, DvlErrors, BeamLayout):
     a beam through.
     """
 
-    rate_hz: Annotated[float, Strict(), Field(gt=0, le=100)] = 1.0
+    rate_hz: Annotated[Real, Field(gt=0, le=100)] = 1.0
     """rate of the pings"""
     tilt_deg: Annotated[BeamTilt, shown(range="≥ 2.0, < 90.0")] = 20.0
     """tilt of every beam from the vertical, for x and +"""
@@ -83,14 +83,14 @@ class Dvl(Outliers, DvlErrors, BeamLayout):
     """white noise that grows with the range of a beam, beside `beam_noise_mps`; needs [seabed]"""
     min_range_m: NonNegative = 0.0
     """least range at which a beam returns; needs [seabed]"""
-    max_range_m: Annotated[float, Strict(), Field(gt=0), shown(example=64.0)] = math.inf
+    max_range_m: Annotated[Real, Field(gt=0), shown(example=64.0)] = math.inf
     """greatest range at which a beam returns; needs [seabed]"""
-    max_incidence_deg: Annotated[float, Strict(), Field(gt=0, le=90)] = 90.0
+    max_incidence_deg: Annotated[Real, Field(gt=0, le=90)] = 90.0
     """greatest angle between beam and the bottom's normal at which it returns; needs [seabed]"""
     range_noise_m: NonNegative = 0.0
     """white noise of the ranges, which decide what returns; needs [seabed]"""
     beams_lost: Annotated[
-        tuple[Annotated[int, Strict(), Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])
+        tuple[Annotated[Whole, Field(ge=1, le=8)], ...], shown(unit="1", example=[3, 4])
     ] = ()
     """beams lost throughout, numbered from 1"""
     outages: tuple[Outage, ...] = ()
@@ -183,7 +183,7 @@ class Filter(models.FilterKeys, models.AssumptionKeys, Section):
 
 
 _ROBUST: Final = models.Robust()
-Gate = Annotated[float, Strict(), Field(gt=0, lt=1)] | Literal["off"]
+Gate = Annotated[Real, Field(gt=0, lt=1)] | Literal["off"]
 
 
 class Robust(Section, kernel=models.Robust):
@@ -210,9 +210,9 @@ class Robust(Section, kernel=models.Robust):
 class Campaign(OwnMethods):
     """How many runs of what; `own_methods` says where methods of one's own are (docs/own_method.md)."""
 
-    runs: Annotated[int, Strict(), Field(ge=1, le=10_000_000), shown(unit="1")] = 100
+    runs: Annotated[Whole, Field(ge=1, le=10_000_000), shown(unit="1")] = 100
     """number of runs of each trajectory"""
-    seed: Annotated[int, Strict(), Field(ge=0, lt=2**63), shown(unit="1")] = 2017
+    seed: Annotated[Whole, Field(ge=0, lt=2**63), shown(unit="1")] = 2017
     """seed of every random number"""
     methods: Annotated[
         tuple[str, ...], BeforeValidator(known_methods), shown(example=["tc", "sway_current"])

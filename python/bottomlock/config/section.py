@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from bottomlock import units
-from bottomlock.kernel.models import Finite, NonNegative, Positive, Settings
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Settings
 
-Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
+Fraction = Annotated[Real, Field(ge=0, le=1)]
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 Vector = tuple[Finite, Finite, Finite]
 Named = TypeVar("Named", str, Path)
@@ -182,7 +182,7 @@ class Outliers(Section):
 
     outlier_fraction: Annotated[Fraction, shown(unit="1")] = 0.0
     """part of the readings that are outliers; the filter does not model them"""
-    outlier_factor: Annotated[float, Strict(), Field(ge=1, allow_inf_nan=False), shown(unit="1")] = 10.0
+    outlier_factor: Annotated[Real, Field(ge=1, allow_inf_nan=False), shown(unit="1")] = 10.0
     """noise of an outlier over that of a good reading"""
 
 
@@ -208,11 +208,11 @@ class SensorErrors(Section):
 class Mounting(Section):
     """How a sensor's axes stand to those of the platform."""
 
-    mounting_roll_deg: Annotated[float, Strict(), Field(ge=-180, le=180)] = 0.0
+    mounting_roll_deg: Annotated[Real, Field(ge=-180, le=180)] = 0.0
     """rotation from instrument to platform axes: roll"""
-    mounting_pitch_deg: Annotated[float, Strict(), Field(ge=-90, le=90)] = 0.0
+    mounting_pitch_deg: Annotated[Real, Field(ge=-90, le=90)] = 0.0
     """rotation from instrument to platform axes: pitch"""
-    mounting_yaw_deg: Annotated[float, Strict(), Field(ge=-360, le=360)] = 0.0
+    mounting_yaw_deg: Annotated[Real, Field(ge=-360, le=360)] = 0.0
     """rotation from instrument to platform axes: yaw"""
 
     @property

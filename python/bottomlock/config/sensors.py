@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference, SlowAttitudeErrors
@@ -16,7 +16,7 @@ from bottomlock.config.mission_sections import CurrentTable
 from bottomlock.config.section import Fraction, Outliers, Section, SensorErrors, Vector, in_si, shown
 from bottomlock.config.through_water import DriveErrors, EffortErrors, ThrustErrors
 from bottomlock.kernel import models
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Whole
 
 
 def _axes(words: str) -> tuple[str, ...]:
@@ -104,17 +104,17 @@ class Magnetometer(SlowAttitudeErrors, Simulated):
     yaw_noise_deg: Positive = 5.72
     roll_pitch_noise_deg: Positive = 1.15
     declination_deg: Annotated[
-        Annotated[float, Strict(), Field(ge=-180, le=180)] | Literal["wmm"],
+        Annotated[Real, Field(ge=-180, le=180)] | Literal["wmm"],
         shown(range='≥ -180.0, ≤ 180.0, or "wmm"'),
     ] = 0.0
     """declination of the field; "wmm" takes the field from the World Magnetic Model"""
-    inclination_deg: Annotated[float, Strict(), Field(gt=-90, lt=90)] = 49.0
+    inclination_deg: Annotated[Real, Field(gt=-90, lt=90)] = 49.0
     """inclination of the field, down"""
     field_nt: Annotated[Positive, shown(unit="nT")] = 45_000.0
     """strength of the field"""
-    assumed_declination_deg: Annotated[
-        Annotated[float, Strict(), Field(ge=-180, le=180)] | None, shown(example=4.5)
-    ] = None
+    assumed_declination_deg: Annotated[Annotated[Real, Field(ge=-180, le=180)] | None, shown(example=4.5)] = (
+        None
+    )
     """declination that the compass corrects for; none: the true one"""
     hard_iron_nt: Annotated[Vector, shown(unit="nT")] = (0.0, 0.0, 0.0)
     """field of the vehicle's own, platform axes"""
@@ -212,7 +212,7 @@ class Thrust(DriveErrors, Simulated):
     columns: ClassVar = {
         "thrust_speed_p_mps": tuple(f"speed_{axis}_mps" for axis in ("surge", "sway", "heave"))
     }
-    error_percent: Annotated[float, Strict(), Field(gt=-100, allow_inf_nan=False)] = 0.0
+    error_percent: Annotated[Real, Field(gt=-100, allow_inf_nan=False)] = 0.0
     """by how much vehicles are faster on average; the filter does not model it"""
 
     def si(self) -> dict[str, Any]:
@@ -224,7 +224,7 @@ class Thrust(DriveErrors, Simulated):
         return super().kernel_options() if self.enabled else {"thrust": "off"}
 
 
-Cell = Annotated[int, Strict(), Field(ge=1, le=255)]
+Cell = Annotated[Whole, Field(ge=1, le=255)]
 
 
 class WaterCells(SensorErrors):
@@ -236,7 +236,7 @@ class WaterCells(SensorErrors):
 
     cells: Annotated[tuple[Cell, ...], Field(min_length=1), shown(unit="1")] = (1, 2)
     """numbers of the cells whose mean is used, 1 the nearest; leave out those in the vehicle's own wake"""
-    min_correlation: Annotated[float, Strict(), Field(ge=0, le=255), shown(unit="1", example=64.0)] = 0.0
+    min_correlation: Annotated[Real, Field(ge=0, le=255), shown(unit="1", example=64.0)] = 0.0
     """least correlation of a beam in a cell, 0 to 255"""
     max_closure_mps: Annotated[Positive | None, shown(example=0.05)] = None
     """largest closure of the beams of a cell, beyond which none of them is used; none: three times what their noise

@@ -2,11 +2,11 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, Strict, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from bottomlock.config.own_methods import check_methods
 from bottomlock.config.section import PackagedOrFile, Section, shown
-from bottomlock.kernel.models import NonNegative, Positive
+from bottomlock.kernel.models import NonNegative, Positive, Real
 
 _KEYS = {
     "analytic": (
@@ -46,15 +46,15 @@ class Trajectory(Section):
     """state that guidance and control use; with the estimate the path has the navigation error; source vehicle only"""
     pilot: Annotated[str, shown(range='"own" or a method of the campaign')] = "own"
     """with feedback = "estimate": the method whose estimate steers, or "own": each method has its own vehicle"""
-    duration_s: Annotated[float, Strict(), Field(gt=0, le=86_400)] = 250.0
+    duration_s: Annotated[Real, Field(gt=0, le=86_400)] = 250.0
     """length of a run; a path through waypoints ends at the last of them unless this is given"""
-    speed_mps: Annotated[float, Strict(), Field(gt=0, le=50)] = 2.0
+    speed_mps: Annotated[Real, Field(gt=0, le=50)] = 2.0
     """speed over ground that the path is followed with"""
-    heading_deg: Annotated[float, Strict(), Field(ge=-360, le=360)] = 0.0
+    heading_deg: Annotated[Real, Field(ge=-360, le=360)] = 0.0
     """heading at the start, from north to east; source analytic only"""
-    yaw_rate_deg_per_s: Annotated[float, Strict(), Field(gt=0, le=90)] = 3.0
+    yaw_rate_deg_per_s: Annotated[Real, Field(gt=0, le=90)] = 3.0
     """rate of the turns; source analytic only"""
-    dive_angle_deg: Annotated[float, Strict(), Field(ge=0, le=60)] = 5.0
+    dive_angle_deg: Annotated[Real, Field(ge=0, le=60)] = 5.0
     """pitch of the dive, down; source analytic only"""
     dive_s: NonNegative = 30.0
     """length of the dive; source analytic only"""
@@ -62,7 +62,7 @@ class Trajectory(Section):
     """length of a leg of the lawn mower; source analytic only"""
     turn_s: Positive = 20.0
     """length of a half turn of the lawn mower; source analytic only"""
-    sway_gain_m: Annotated[float, Strict(), Field(ge=-10, le=10)] = 0.6
+    sway_gain_m: Annotated[Real, Field(ge=-10, le=10)] = 0.6
     """sway over yaw rate in turns, m/s for each rad/s; source analytic only"""
     file: Annotated[Annotated[str, PackagedOrFile] | None, shown(example="nav.csv")] = None
     """a path of your own: CSV or Parquet, from the scenario's folder; it alone says that the source is a file"""

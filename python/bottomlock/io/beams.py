@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bottomlock import units
 from bottomlock.config.beam_layout import BeamLayout
@@ -36,6 +36,7 @@ from bottomlock.io.columns import (
     read_rows,
 )
 from bottomlock.kernel import BeamGeometry, Configuration, KernelError
+from bottomlock.kernel.models import Real
 from bottomlock.libraries import pl
 
 
@@ -53,7 +54,7 @@ class Columns(BaseModel):
     """column of each beam's flag; none: beam1_valid, beam2_valid, ..."""
     lost_when_empty: Annotated[bool, shown(example=True)] = False
     """a beam is lost where the cell of its velocity is empty, and no column of flags is read"""
-    velocity_scale: Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False), shown(unit="1")] = 1.0
+    velocity_scale: Annotated[Real, Field(gt=0, allow_inf_nan=False), shown(unit="1")] = 1.0
     """factor from the velocities' unit to m/s: 0.001 of mm/s"""
     # Columns that `bottomlock convert` keeps beside the beams; of these a fix uses `instrument_valid`.
     range: Annotated[tuple[str, ...] | None, shown(example=["r1", "r2", "r3", "r4"])] = None
@@ -84,13 +85,11 @@ class InstrumentFile(BeamLayout):
     configuration: Annotated[Configuration, shown(example="x")]
     """beams in an x (azimuths 45, 135, 225, 315 deg), in a + (0, 90, 180, 270), by angles, or by directions"""
     beam_noise_mps: Annotated[
-        tuple[Annotated[float, Strict(), Field(gt=0)], ...] | Annotated[float, Strict(), Field(gt=0)],
+        tuple[Annotated[Real, Field(gt=0)], ...] | Annotated[Real, Field(gt=0)],
         shown(example=0.02),
     ]
     """white noise, 1 sigma, of every beam, or of each"""
-    beam_noise_mps_per_m: Annotated[
-        float, Strict(), Field(ge=0, allow_inf_nan=False), shown(example=5e-4)
-    ] = 0.0
+    beam_noise_mps_per_m: Annotated[Real, Field(ge=0, allow_inf_nan=False), shown(example=5e-4)] = 0.0
     """white noise that grows with the range of a beam, beside that, 1 sigma"""
     columns: Columns = Columns()
     calibration: StatedCalibration | None = None

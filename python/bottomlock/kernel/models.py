@@ -40,9 +40,13 @@ def _tuple(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - the kernel has ch
 
 Vector = Annotated[Sequence[float] | NDArray[np.float64], PlainValidator(_tuple)]
 """Numbers of a fixed length; kept as a tuple."""
-Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Strict(), Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Real = Annotated[float, Strict()]
+"""A number: true is none, nor is a text."""
+Whole = Annotated[int, Strict()]
+"""The same of whole ones."""
+Positive = Annotated[Real, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[Real, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[Real, Field(allow_inf_nan=False)]
 _ONE = Field(json_schema_extra={"unit": "1"})
 Triple = tuple[NonNegative, NonNegative, NonNegative]
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, Strict, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from bottomlock.config.attitude_reference import AttitudeReference
@@ -11,7 +11,7 @@ from bottomlock.config.section import Earth, InFolder, Mounting, Section, Vector
 from bottomlock.config.sensors import AidingSections, DepthErrors
 from bottomlock.io.formats import LIVE
 from bottomlock.kernel import RECOMMENDED_METHOD, Method
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Whole
 from bottomlock.ports.address import checked_by, checked_host, sink_address, source_address
 from bottomlock.ports.estimate import VelocityMethod
 from bottomlock.ports.port import RateHz
@@ -19,7 +19,7 @@ from bottomlock.recordings.sensors import INSTRUMENTS
 from bottomlock.recordings.stream_sections import Reordered
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]{1,40}$")]
-Angle = Annotated[float, Strict(), Field(ge=-360, le=360)]
+Angle = Annotated[Real, Field(ge=-360, le=360)]
 
 SourceAddress = Annotated[str, checked_by(source_address)]
 SinkAddress = Annotated[str, checked_by(sink_address)]
@@ -129,11 +129,9 @@ class OriginSection(Earth):
     `height_m` is the origin's as the receiver counts: above the ellipsoid, or above the sea.
     """
 
-    latitude_deg: Annotated[float, Strict(), Field(ge=-90, le=90), shown(example=42.3)]
+    latitude_deg: Annotated[Real, Field(ge=-90, le=90), shown(example=42.3)]
     """latitude, for gravity and the Earth's rate"""
-    longitude_deg: Annotated[
-        Annotated[float, Strict(), Field(ge=-360, le=360)] | None, shown(example=9.1)
-    ] = None
+    longitude_deg: Annotated[Annotated[Real, Field(ge=-360, le=360)] | None, shown(example=9.1)] = None
     """longitude; needed by [gps] alone"""
     height_m: Finite = 0.0
     """height of the origin, as the GPS receiver counts it"""
@@ -156,7 +154,7 @@ class StartSection(Section):
     accelerometers measure a tilt above `largest_tilt_deg`, or gravity elsewhere than below that attitude.
     """
 
-    window_s: Annotated[float, Strict(), Field(gt=0, le=3600)] = 5.0
+    window_s: Annotated[Real, Field(gt=0, le=3600)] = 5.0
     """time that levelling averages over"""
     level: Annotated[Literal["levelling", "attitude"] | None, shown(example="attitude")] = None
     """source of roll and pitch: the accelerometers, or [attitude]; none: the accelerometers where there are
@@ -164,7 +162,7 @@ class StartSection(Section):
     level_sd_deg: Annotated[Positive | None, shown(example=1.0)] = None
     """1 sigma of roll and pitch, the vehicle's own acceleration included; none: 1 by levelling, that of [attitude]
     otherwise"""
-    largest_tilt_deg: Annotated[float, Strict(), Field(gt=0, le=180)] = 60.0
+    largest_tilt_deg: Annotated[Real, Field(gt=0, le=180)] = 60.0
     """tilt that the accelerometers may measure at the start"""
     heading_deg: Annotated[Angle | None, shown(example=90.0)] = None
     """heading of the platform when the program starts; none: that of [attitude]"""
@@ -199,7 +197,7 @@ class NavigationSection(Section):
 
     method: Method = RECOMMENDED_METHOD
     """aiding method"""
-    horizon_s: Annotated[float, Strict(), Field(gt=0, le=10)] = 2.0
+    horizon_s: Annotated[Real, Field(gt=0, le=10)] = 2.0
     """how late a measurement may be and still be put in its place"""
     estimate_hz: Annotated[RateHz, Field(le=1000), shown(unit="Hz")] = 20.0
     """estimates a second beside one after each ping"""
@@ -211,19 +209,19 @@ class StatesSection(Section):
     `rejected_pings` is less than `filter.inflate_after_rejections`, with which the gate opens again.
     """
 
-    silent_periods: Annotated[float, Strict(), Field(ge=1, le=1000), shown(unit="1")] = 3.0
+    silent_periods: Annotated[Real, Field(ge=1, le=1000), shown(unit="1")] = 3.0
     """periods of a source without a message after which it is silent"""
-    silent_least_s: Annotated[float, Strict(), Field(ge=0, le=3600)] = 0.1
+    silent_least_s: Annotated[Real, Field(ge=0, le=3600)] = 0.1
     """least time of that"""
-    settle_s: Annotated[float, Strict(), Field(ge=0, le=3600)] = 1.0
+    settle_s: Annotated[Real, Field(ge=0, le=3600)] = 1.0
     """time without a worse condition before a state improves"""
     velocity_sd_mps: Positive = 0.5
     """1 sigma of a velocity axis above which the state is UNSAFE"""
-    rejected_pings: Annotated[int, Strict(), Field(ge=1, le=10_000), shown(unit="1")] = 4
+    rejected_pings: Annotated[Whole, Field(ge=1, le=10_000), shown(unit="1")] = 4
     """pings rejected in a row after which the state is UNSAFE"""
-    agree_s: Annotated[float, Strict(), Field(ge=0, le=3600)] = 10.0
+    agree_s: Annotated[Real, Field(ge=0, le=3600)] = 10.0
     """time UNSAFE after such pings: the estimate may have followed beams that were false"""
-    closure_ratio: Annotated[float, Strict(), Field(ge=1.0, le=1000.0), shown(unit="1")] = 3.0
+    closure_ratio: Annotated[Real, Field(ge=1.0, le=1000.0), shown(unit="1")] = 3.0
     """scatter of the beams' closure over the claimed one, over 20 complete pings, above which the state is UNSAFE"""
 
 
@@ -255,9 +253,9 @@ class SourceSection(Section):
     """least rate that is expected"""
     clock: Literal["instrument", "host", "arrival"] = "instrument"
     """instrument: its stamps, mapped to the host's clock; host: its stamps as they are; arrival: the time of arrival"""
-    latency_s: Annotated[float, Strict(), Field(ge=-10, le=10)] = 0.0
+    latency_s: Annotated[Real, Field(ge=-10, le=10)] = 0.0
     """subtracted from the times"""
-    step_s: Annotated[float, Strict(), Field(gt=0, le=60)] = 0.1
+    step_s: Annotated[Real, Field(gt=0, le=60)] = 0.1
     """distance of a stamp from where the clock should be, beyond which it is not used"""
     negate_beams: bool = False
     """whether the velocities of the beams are positive away from the bottom; of a DVL"""
@@ -270,11 +268,9 @@ class SourceSection(Section):
     """rate at which the autopilot is asked for what is read of it (SET_MESSAGE_INTERVAL); none: not asked; of
     mavlink"""
 
-    system: Annotated[Annotated[int, Strict(), Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = None
+    system: Annotated[Annotated[Whole, Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = None
     """system that is read, of mavlink; none: that of the first reading, and no other"""
-    component: Annotated[Annotated[int, Strict(), Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = (
-        None
-    )
+    component: Annotated[Annotated[Whole, Field(ge=1, le=255)] | None, shown(example=1, unit="1")] = None
     """component that is read, of mavlink; none: that of the first reading, and no other"""
 
     @model_validator(mode="after")
@@ -332,7 +328,7 @@ class LogSection(Section):
 
     folder: Annotated[str, InFolder, shown(example="logs")]
     """folder of the raw logs, from the configuration's"""
-    flush_s: Annotated[float, Strict(), Field(ge=0, le=60)] = 0.5
+    flush_s: Annotated[Real, Field(ge=0, le=60)] = 0.5
     """time after which bytes are on the disk"""
 
 
@@ -341,9 +337,9 @@ class CheckpointSection(Section):
 
     file: Annotated[str, InFolder, shown(example="rov.checkpoint")]
     """file of the saved navigator, from the configuration's folder"""
-    every_s: Annotated[float, Strict(), Field(ge=0.1, le=60)] = 1.0
+    every_s: Annotated[Real, Field(ge=0.1, le=60)] = 1.0
     """interval between two savings"""
-    max_age_s: Annotated[float, Strict(), Field(gt=0, le=60)] = 5.0
+    max_age_s: Annotated[Real, Field(gt=0, le=60)] = 5.0
     """age up to which a start goes on from it"""
 
 
@@ -352,7 +348,7 @@ class HealthSection(Section):
 
     host: Annotated[str, AfterValidator(checked_host)] = "127.0.0.1"
     """address that the page listens on"""
-    port: Annotated[int, Strict(), Field(ge=0, le=65_535), shown(unit="1")] = 8770
+    port: Annotated[Whole, Field(ge=0, le=65_535), shown(unit="1")] = 8770
     """TCP port of the page; 0 any free one"""
     names: Annotated[tuple[str, ...], shown(example=["rov.local"])] = ()
     """host names under which the page may be asked, beside addresses, localhost and host"""
@@ -363,7 +359,7 @@ class DiagnosticsSection(Section):
 
     to: Annotated[SinkAddress, shown(range="as port.to")] = "ros:/diagnostics"
     """where the diagnostics go"""
-    every_s: Annotated[float, Strict(), Field(ge=0.1, le=60)] = 1.0
+    every_s: Annotated[Real, Field(ge=0.1, le=60)] = 1.0
     """interval between two of them"""
 
 
@@ -372,5 +368,5 @@ class VelocitySection(Section):
 
     method: VelocityMethod = "info"
     """how a ping is solved: observable axes, platform components, or the whole velocity alone"""
-    acceleration_mps2: Annotated[float, Strict(), Field(gt=0, le=100)] = 1.0
+    acceleration_mps2: Annotated[Real, Field(gt=0, le=100)] = 1.0
     """largest acceleration along a beam; a beam that changes faster is an outlier and not used"""

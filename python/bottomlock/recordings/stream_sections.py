@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.config.imu import ImuErrors, ImuLimits, MotionErrors
 from bottomlock.config.section import InFolder, Mounting, Section, Vector, shown
 from bottomlock.config.sensors import AcousticPositionErrors, DepthErrors, GpsErrors
 from bottomlock.config.through_water import EffortErrors, ThrustErrors
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Whole
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, check_axes
 
 ColumnTriple = tuple[str, str, str]
@@ -62,7 +62,7 @@ class Stream(Section):
     file: Annotated[Path, InFolder, shown(example="imu.csv")]
     """table, CSV or Parquet, from the case's folder"""
     clock: Clock
-    every: Annotated[int, Strict(), Field(ge=1), shown(unit="1")] = 1
+    every: Annotated[Whole, Field(ge=1), shown(unit="1")] = 1
     """every n-th row is used; 1 for the IMU"""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Strict, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from bottomlock.config.dvl import CalibrationSection
 from bottomlock.config.own_methods import OwnMethods, known_methods
@@ -20,7 +20,7 @@ from bottomlock.config.validation import checked
 from bottomlock.errors import ScenarioError
 from bottomlock.io.beam_table import water_file
 from bottomlock.kernel import METHODS
-from bottomlock.kernel.models import Finite, NonNegative, Positive
+from bottomlock.kernel.models import Finite, NonNegative, Positive, Real, Whole
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.dvl_sections import DvlStream, WaterTrackStream
 from bottomlock.recordings.stream_sections import (
@@ -33,19 +33,15 @@ from bottomlock.recordings.stream_sections import (
 )
 
 FROM_REFERENCE = "reference"
-Beam = Annotated[int, Strict(), Field(ge=1, le=8)]
+Beam = Annotated[Whole, Field(ge=1, le=8)]
 
 
 class Origin(Earth):
     """Origin of the tangent frame; without coordinates, the first position of the reference or of GPS."""
 
-    latitude_deg: Annotated[Annotated[float, Strict(), Field(ge=-90, le=90)] | None, shown(example=42.3)] = (
-        None
-    )
+    latitude_deg: Annotated[Annotated[Real, Field(ge=-90, le=90)] | None, shown(example=42.3)] = None
     """latitude of the tangent plane's origin; none: the first position of reference or GPS"""
-    longitude_deg: Annotated[
-        Annotated[float, Strict(), Field(ge=-180, le=360)] | None, shown(example=-83.7)
-    ] = None
+    longitude_deg: Annotated[Annotated[Real, Field(ge=-180, le=360)] | None, shown(example=-83.7)] = None
     """longitude of the origin; needs the latitude"""
     height_m: Finite = 0.0
     """height of the origin above the ellipsoid"""

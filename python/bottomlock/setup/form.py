@@ -5,11 +5,11 @@ The configuration is the TOML file that a person would write: the form has no me
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from bottomlock.config.section import Section
 from bottomlock.io.beams import geometry_text, read_geometry
-from bottomlock.kernel.models import Finite
+from bottomlock.kernel.models import Finite, Real
 from bottomlock.live.sections import Name
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
 from bottomlock.ports.estimate import Mode
@@ -27,8 +27,8 @@ FORM_INSTRUMENTS = {name: one for name, one in INSTRUMENTS.items() if not one.ge
 """Those whose geometry is packaged; the others need a file of their own, and so a configuration by hand."""
 FORM_AUTOPILOTS = {name: AUTOPILOTS[name] for name in ("ardusub", "px4", "dvl")}
 
-_Degrees = Annotated[float, Strict(), Field(ge=-180, le=180)]
-_Quarter = Annotated[float, Strict(), Field(ge=-90, le=90)]
+_Degrees = Annotated[Real, Field(ge=-180, le=180)]
+_Quarter = Annotated[Real, Field(ge=-90, le=90)]
 
 
 class SetupForm(Section):
