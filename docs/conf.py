@@ -6,12 +6,27 @@ format), which Sphinx-Gallery, whose text is reStructuredText, could not without
 
 import importlib.metadata
 import os
+import tempfile
 from pathlib import Path
 
-from jupyter_client.connect import ConnectionFileMixin
+from jupyter_client.manager import KernelManager
+from nbclient import NotebookClient
 
-ConnectionFileMixin.transport.default_value = "ipc"
-"""The kernels of the examples talk by files: over TCP each warns of its missing encryption."""
+_create = NotebookClient.create_kernel_manager
+
+
+def _by_files(client: NotebookClient) -> KernelManager:
+    """The kernels of the examples talk by files: over TCP each warns of its missing encryption.
+
+    A kernel runs in the folder of its page and Sphinx does not, so that the files' names are absolute; each process
+    that reads pages has its own.
+    """
+    manager = _create(client)
+    manager.transport, manager.ip = "ipc", f"{tempfile.gettempdir()}/bottomlock-docs-{os.getpid()}"
+    return manager
+
+
+NotebookClient.create_kernel_manager = _by_files
 
 project = "bottomlock"
 author = "The bottomlock authors"
