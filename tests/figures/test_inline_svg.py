@@ -4,8 +4,18 @@ import re
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 
-from bottomlock.figures.palette import FAINT, INK, PAPER, STYLE, inline_svg, new_figure, svg_text
+from bottomlock.figures.palette import (
+    FAINT,
+    INK,
+    PAPER,
+    STYLE,
+    inline_svg,
+    new_figure,
+    shown_figure,
+    svg_text,
+)
 
 _ID = re.compile(r' id="([^"]+)"')
 _REFERENCE = re.compile(r'href="#([^"]+)"|url\(#([^)]+)\)')
@@ -42,3 +52,11 @@ def test_ink_is_that_of_the_page_and_the_background_is_gone() -> None:
     assert "#9233d2" in text
     assert "<metadata" not in text
     assert ET.fromstring(text).attrib["width"] == "538"
+
+
+def test_axes_stay_where_they_are_put() -> None:
+    """Also where a user's matplotlib places axes by itself, which would warn of axes that it cannot move."""
+    with mpl.rc_context({"figure.constrained_layout.use": True}):
+        figures = [new_figure(), shown_figure((3.0, 2.0))]
+    assert [one.get_layout_engine() for one in figures] == [None, None]
+    plt.close(figures[1])

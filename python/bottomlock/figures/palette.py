@@ -190,7 +190,8 @@ def draw_order(methods: list[str]) -> list[str]:
 
 def new_figure(height_in: float = HEIGHT_IN, width_in: float = WIDTH_IN) -> Figure:
     """An empty figure; to be called inside `mpl.rc_context(STYLE)`."""
-    return Figure(figsize=(width_in, height_in))
+    # The stub of Figure does not know this layout.
+    return Figure(figsize=(width_in, height_in), layout="none")  # type: ignore[arg-type]
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -225,7 +226,7 @@ def shown_figure(size_in: tuple[float, float]) -> Figure:
     import matplotlib.pyplot as plt  # noqa: PLC0415 - it chooses a backend; only who plots needs one
 
     with mpl.rc_context(STYLE):
-        return plt.figure(figsize=size_in)
+        return plt.figure(figsize=size_in, layout="none")
 
 
 _HEAD = re.compile(r"<svg[^>]*>")
