@@ -1,6 +1,7 @@
 """Figures within a page: in the page's colours, with ids of their own."""
 
 import re
+import warnings
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
@@ -56,7 +57,12 @@ def test_ink_is_that_of_the_page_and_the_background_is_gone() -> None:
 
 def test_axes_stay_where_they_are_put() -> None:
     """Also where a user's matplotlib places axes by itself, which would warn of axes that it cannot move."""
-    with mpl.rc_context({"figure.constrained_layout.use": True}):
-        figures = [new_figure(), shown_figure((3.0, 2.0))]
-    assert [one.get_layout_engine() for one in figures] == [None, None]
-    plt.close(figures[1])
+    with mpl.rc_context({"figure.constrained_layout.use": True}), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with mpl.rc_context(STYLE):
+            figure = new_figure()
+        figure.add_axes((0.1, 0.1, 0.8, 0.8))
+        assert svg_text(figure) == svg_text(figure)
+        shown = shown_figure((3.0, 2.0))
+    assert shown.get_layout_engine() is None
+    plt.close(shown)

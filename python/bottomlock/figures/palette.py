@@ -88,6 +88,9 @@ INK, FAINT, PAPER = "#1b1f24", "#8b949e", "#ffffff"
 """Text and axes; grid and secondary marks; background. A page replaces the first two by its own colours."""
 
 STYLE: Any = {
+    # Axes are placed.
+    "figure.constrained_layout.use": False,
+    "figure.autolayout": False,
     "svg.hashsalt": "bottomlock",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
@@ -190,8 +193,7 @@ def draw_order(methods: list[str]) -> list[str]:
 
 def new_figure(height_in: float = HEIGHT_IN, width_in: float = WIDTH_IN) -> Figure:
     """An empty figure; to be called inside `mpl.rc_context(STYLE)`."""
-    # The stub of Figure does not know this layout.
-    return Figure(figsize=(width_in, height_in), layout="none")  # type: ignore[arg-type]
+    return Figure(figsize=(width_in, height_in))
 
 
 def png_bytes(figure: Figure) -> bytes:
@@ -226,7 +228,7 @@ def shown_figure(size_in: tuple[float, float]) -> Figure:
     import matplotlib.pyplot as plt  # noqa: PLC0415 - it chooses a backend; only who plots needs one
 
     with mpl.rc_context(STYLE):
-        return plt.figure(figsize=size_in, layout="none")
+        return plt.figure(figsize=size_in)
 
 
 _HEAD = re.compile(r"<svg[^>]*>")
