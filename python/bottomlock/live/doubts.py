@@ -176,7 +176,7 @@ class Doubt:
             )
 
     def of_others(self, limits: StatesSection) -> Iterator[tuple[str, str]]:
-        """Who contradicts the estimate beside rejected pings, and the sentence; nothing where nobody does."""
+        """What contradicts the estimate beside rejected pings, and the sentence, once; nothing where nothing does."""
         longest = self.longest
         if self.lasting:
             yield "the mean of pings", "the mean of pings contradicts the estimate"

@@ -7,7 +7,8 @@
 //! or as many as the beams determine. It first passes a threshold l at the rate l^(3/2) exp(−l/2) √(2/π)/θ (the
 //! Ornstein–Uhlenbeck process in three dimensions for large l; in steps it passes more rarely). The thresholds give each window
 //! 1e-7 per second, as the short ones of the slip (`slip_test.rs`): all of them one false alarm in a month at most. At 1e-5 readings
-//! that are a tenth noisier than stated raise one in minutes (on ten dives of `tests/replay/test_thrust_section.py`), and a step is noticed a few pings sooner.
+//! that are a tenth noisier than stated raise one in minutes (ten dives of `tests/replay/test_thrust_section.py`), and a step is
+//! noticed a few pings sooner.
 //!
 //! What lasts is an inertial reading that has changed, a misalignment, a sensor's noise that is not white. The covariance of the
 //! inertial states grows by the ratio of the length to what it is expected to be, as by a run of rejected velocities
