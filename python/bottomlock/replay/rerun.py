@@ -143,10 +143,8 @@ def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, T
     """Inertial readings at or just after the reference's times, and every `sample_s` where it has none as near."""
     times = streams.inertial.time_ns
     step_ns = round(case.replay.sample_s * 1e9)
-    wanted_ns, rows = (
-        np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64),
-        np.zeros(0, dtype=np.int64),
-    )
+    wanted_ns = np.arange(start_ns, int(times[-1]) + 1, step_ns, dtype=np.int64)
+    rows = np.zeros(0, dtype=np.int64)
     if streams.reference is not None:
         known_ns = streams.reference.time_ns
         rows = np.flatnonzero((known_ns >= start_ns) & (known_ns <= times[-1]))
@@ -157,10 +155,8 @@ def _sample_times(case: Case, streams: Streams, start_ns: int) -> tuple[Times, T
         known_ns = known_ns[rows]
         # GPS at the surface alone, or slow acoustics: the track goes on without them.
         after = np.searchsorted(known_ns, wanted_ns)
-        before_ns, after_ns = (
-            known_ns[np.maximum(after - 1, 0)],
-            known_ns[np.minimum(after, len(known_ns) - 1)],
-        )
+        before_ns = known_ns[np.maximum(after - 1, 0)]
+        after_ns = known_ns[np.minimum(after, len(known_ns) - 1)]
         apart_ns = np.minimum(np.abs(wanted_ns - before_ns), np.abs(after_ns - wanted_ns))
         wanted_ns = wanted_ns[apart_ns > step_ns]
         rows = np.concatenate([rows, np.full(len(wanted_ns), -1)])
