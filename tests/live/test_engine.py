@@ -78,6 +78,19 @@ def test_a_clock_that_is_set_back_sends_nothing_with_a_wrong_time() -> None:
     assert engine.state == "OK"
 
 
+@pytest.mark.parametrize("back_s", [0.7, 2.0, 6.4])
+def test_a_clock_that_is_set_back_by_whole_pings_is_known_after_a_second(back_s: float) -> None:
+    """Its stamps are those of earlier pings again; a report that comes twice is none of it."""
+    world = World(16.0, offset_ns=lambda t: 0 if t < 8.0 else -round(back_s * 1e9))
+    engine = Engine(config())
+    fly(engine, [one for arrival_ns, _, data in world.arrivals() for one in [(arrival_ns, 0, data)] * 2])
+    (source,) = engine.sources
+    assert source.clock_steps == 1
+    assert 160 - source.used <= 12
+    assert source.refused["its time repeats"] >= 160 - 12
+    assert engine.state == "OK"
+
+
 def test_times_in_another_unit_are_named() -> None:
     """Milliseconds in place of microseconds: nothing after the first ping is sent as OK, and the mistake is told."""
     engine = Engine(config())

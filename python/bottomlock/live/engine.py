@@ -11,7 +11,7 @@ from bottomlock import units
 from bottomlock.errors import BottomlockError
 from bottomlock.io.rows import Options
 from bottomlock.io.sentences import without_numbers
-from bottomlock.live.clock import ClockMap
+from bottomlock.live.clock import ClockMap, Verdict
 from bottomlock.live.config import LiveConfig
 from bottomlock.live.doubts import Reasons
 from bottomlock.live.estimator import Estimator, VelocityEstimator
@@ -57,6 +57,8 @@ class SourceState:
         used: readings or pings that were taken.
         refused: those that were not, by reason.
         connections: how often it was connected.
+        stamps: of the last pings that were taken.
+        stamp_ns: of the last ping, whether or not it was taken.
     """
 
     section: SourceSection
@@ -67,6 +69,7 @@ class SourceState:
     refused: Reasons = field(default_factory=Reasons)
     connections: int = 0
     stamps: list[int] = field(default_factory=list)
+    stamp_ns: int | None = None
 
     def clock_of(self, reading: Ping | Reading) -> ClockMap:
         """The clock of the stamps of such readings."""
@@ -248,9 +251,6 @@ class Engine:
         """Time of validity on the host's clock; None where it is unsure, which is counted."""
         latency_ns = units.ns_from_s(one.section.latency_s)
         is_ping = isinstance(reading, Ping)
-        if is_ping and reading.time_ns in one.stamps:
-            one.refused.add("its time repeats")
-            return None
         offset_ns = self._dvl_offset_ns if is_ping else 0
         if one.section.clock == "arrival":
             return arrival_ns - latency_ns
@@ -262,8 +262,15 @@ class Engine:
                 return None
             return reading.time_ns + offset_ns - latency_ns
         sent_ns = reading.transmission_ns if isinstance(reading, Ping) else reading.time_ns
-        clock = one.clock_of(reading)
-        verdict = clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
+        clock, is_stuck = one.clock_of(reading), is_ping and reading.time_ns == one.stamp_ns
+        one.stamp_ns = reading.time_ns if is_ping else one.stamp_ns
+        verdict: Verdict = "late"
+        if not is_stuck:
+            verdict = clock.observe(sent_ns, arrival_ns, waited=arrival_ns < self._caught_up_ns)
+        # Stamps that rise from one that was there before are those of a clock that was set back.
+        if verdict != "stepped" and is_ping and reading.time_ns in one.stamps:
+            one.refused.add("its time repeats")
+            return None
         if verdict == "late":
             is_odd = clock.steps > OFTEN * max(one.used, 10)
             one.refused.add(
