@@ -175,6 +175,51 @@ def test_a_start_after_a_long_gap_takes_nothing_for_measured_that_was_stated() -
     assert sd[3] < np.deg2rad(2.0), "the level is measured again"
 
 
+AHRS = """
+[attitude]
+yaw_sd_deg = 3.0
+[[source]]
+name = "ahrs"
+address = "udpin:127.0.0.1:10"
+format = "attitude-csv"
+rate_hz = 10
+clock = "host"
+"""
+
+
+MEASURED = "heading_sd_deg = 20.0\nvelocity_sd_mps = [0.3, 0.3, 0.3]"
+GIVEN = """heading_deg = 30.0
+heading_sd_deg = 0.1
+velocity = "given"
+velocity_sd_mps = [0.01, 0.01, 0.01]
+"""
+
+
+@pytest.mark.parametrize(
+    ("start", "yaw_sd_deg", "velocity_sd_mps"), [(MEASURED, 20.0, 0.3), (GIVEN, 3.0, 0.1)]
+)
+def test_what_is_stated_of_a_measurement_holds_for_every_start(
+    start: str, yaw_sd_deg: float, velocity_sd_mps: float
+) -> None:
+    """The 1 sigma of a heading and a velocity that were given is not that of those which are measured later."""
+    stated = "window_s = 1.0\nheading_deg = 30.0\nheading_sd_deg = 2.0"
+    engine = Engine(config("navigation", change=(stated, f'level = "attitude"\n{start}'), extra=AHRS))
+    made = World(25.0)
+    turned = [
+        (at_ns, 2, b"%d,0.0,0.0,0.5235987756\n" % at_ns)
+        for at_ns in (world.START_NS + k * 100_000_000 + 1_000 for k in range(250))
+    ]
+    for arrival_ns, source, data in made.arrivals(turned, imu=True):
+        if source == 1 and 5.0 <= (arrival_ns - world.START_NS) * 1e-9 < 20.0:
+            continue
+        engine.arrive(source, arrival_ns, data)
+        if engine.estimator.resets and engine.estimator.time_ns is not None:
+            break
+    sd = np.sqrt(np.diag(navigator_of(engine).covariance()))
+    assert np.rad2deg(sd[5]) == pytest.approx(yaw_sd_deg, rel=1e-3)
+    assert sd[6:9] == pytest.approx(velocity_sd_mps, rel=0.05)
+
+
 def test_false_beams_that_agree_are_never_ok(monkeypatch: pytest.MonkeyPatch) -> None:
     """All beams of four seconds are false by 3 m/s, as of a shoal: the filter follows them, and nothing is sent."""
     true, made = list(World(20.0).dvl()), World(20.0)

@@ -435,7 +435,7 @@ class AlignedNavigator:
             depth_m, options = self._alignment.depth_m, self._settings.options
             state = left.state(state, depth_m)
             initial = left.initial(
-                model.initial, state, self._config.attitude,
+                self._config.model_copy(update={"start": self._start}).initial(), state, self._config.attitude,
                 depth_m=depth_m, turning_sd_radps=options.imu_limits.gap_rate_sd_radps,
             )  # fmt: skip
             model = model.replace(initial=initial)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock import units
 from bottomlock.config.attitude_reference import AttitudeReference
 from bottomlock.kernel import Navigator
 from bottomlock.kernel.models import InitialModel, InitialState
@@ -15,8 +14,6 @@ from bottomlock.recordings.streams import Floats
 
 ANY_YAW_SD_RAD = math.pi / math.sqrt(3.0)
 """1 sigma of a yaw that may be any."""
-STATED = ("heading_deg", "heading_sd_deg", "position_m", "velocity", "velocity_mps")
-"""Keys of the start that hold for the first one alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +45,14 @@ class LeftOff:
 
     def section(self, start: StartSection, attitude: AttitudeReference | None) -> StartSection:
         """The section of the next start: heading of [attitude] or as it was, velocity of the beams."""
-        kept = start.model_dump(exclude_unset=True, exclude=set(STATED))
+        # What was stated is measured now, and a 1 sigma that was stated with it is not that of the measurement.
+        of_the_first = (
+            (start.heading_deg is not None, ("heading_deg", "heading_sd_deg")),
+            ("position_m" in start.model_fields_set, ("position_m", "position_sd_m")),
+            (start.velocity == "given", ("velocity", "velocity_mps", "velocity_sd_mps")),
+        )
+        stated = {key for is_stated, keys in of_the_first if is_stated for key in keys}
+        kept = start.model_dump(exclude_unset=True, exclude=stated)
         if attitude is None:
             sd_deg = math.degrees(ANY_YAW_SD_RAD)
             kept |= {"heading_deg": math.degrees(self.yaw_rad), "heading_sd_deg": sd_deg}
@@ -71,8 +75,8 @@ class LeftOff:
         """The covariance of the next start, grown by what may have happened since.
 
         Args:
-            initial: that of the first start.
-            state: of the next one.
+            initial: that of its section.
+            state: of the next start.
             attitude: gives the heading; None without.
             depth_m: of the next start; None without a depth sensor.
             turning_sd_radps: turning that may happen unseen.
@@ -80,10 +84,9 @@ class LeftOff:
         away_s = (state.time_ns - self.time_ns) * 1e-9
         gone_m = away_s * max(self.speed_mps, float(np.linalg.norm(state.velocity_p_mps)))
         north, east, down = np.hypot(self.position_sd_m, gone_m).tolist()
+        yaw_sd = initial.attitude_sd_rad[2]
         if attitude is None:
-            yaw_sd = min(math.hypot(self.yaw_sd_rad, turning_sd_radps * away_s), ANY_YAW_SD_RAD)
-        else:
-            yaw_sd = units.rad_from_deg(attitude.start_yaw_sd_deg)
+            yaw_sd = min(math.hypot(self.yaw_sd_rad, turning_sd_radps * away_s), yaw_sd)
         return initial.replace(
             position_sd_m=(north, east, down if depth_m is None else initial.position_sd_m[2]),
             attitude_sd_rad=(*initial.attitude_sd_rad[:2], yaw_sd),

@@ -115,8 +115,8 @@ class NavigatorConfig(LiveSections):
             self.start is not None and self.start.level == "attitude"
         )
 
-    def start_sd_deg(self) -> tuple[float, float]:
-        """1 sigma of roll and pitch and of the heading at the start, deg, of a configuration in mode navigation."""
+    def initial(self) -> models.InitialModel:
+        """1 sigma of the state at the start, of a configuration in mode navigation."""
         start, attitude = self.start, self.attitude
         assert start is not None  # validated
         level, heading = start.level_sd_deg or LEVELLING_SD_DEG, start.heading_sd_deg
@@ -125,7 +125,12 @@ class NavigatorConfig(LiveSections):
             if self.level_by_attitude:
                 level = start.level_sd_deg or attitude.start_roll_pitch_sd_deg
         assert heading is not None  # validated
-        return level, heading
+        tilt_rad, yaw_rad = map(units.rad_from_deg, (level, heading))
+        return models.InitialModel(
+            position_sd_m=start.position_sd_m,
+            attitude_sd_rad=(tilt_rad, tilt_rad, yaw_rad),
+            velocity_sd_mps=start.velocity_sd_mps,
+        )
 
     def instrument(self) -> Instrument:
         """Geometry of the DVL and noise of its beams.
@@ -191,14 +196,12 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     Raises:
         KernelError: for values that the kernel does not take.
     """
-    imu, origin, start = config.imu, config.origin, config.start
+    imu, origin = config.imu, config.origin
     assert imu is not None  # validated in LiveConfig
     assert origin is not None
-    assert start is not None
     latitude = units.rad_from_deg(origin.latitude_deg)
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
     sensors, added = of_kernel(config)
-    tilt, heading = map(units.rad_from_deg, config.start_sd_deg())
     model = models.Model(
         environment=models.Environment(
             latitude_rad=latitude,
@@ -207,11 +210,7 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
         ),
         imu=_imu_model(imu, config.attitude),
         dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean()), instrument.calibration),
-        initial=models.InitialModel(
-            position_sd_m=start.position_sd_m,
-            attitude_sd_rad=(tilt, tilt, heading),
-            velocity_sd_mps=start.velocity_sd_mps,
-        ),
+        initial=config.initial(),
         **sensors,
     )
     own = {

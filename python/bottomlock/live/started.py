@@ -229,8 +229,7 @@ class StartedNavigator:
     @property
     def warnings(self) -> list[str]:
         """Why a live process would not navigate with the beams, a sentence each; empty where all is well."""
-        limits, doubt = StatesSection(), self._doubts.now
-        return [*doubt.of_pings(limits), *(words for _, words in doubt.of_others(limits))]
+        return [objection.words for objection in self._doubts.now.against(StatesSection())]
 
     def state(self) -> "StateDict":
         """As `Navigator.state`. Raises KernelError before the start."""

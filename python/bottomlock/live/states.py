@@ -66,8 +66,9 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return "UNSAFE", (
             f"velocity is uncertain by {facts.velocity_sd_mps:.2g} m/s, limit {limits.velocity_sd_mps:g} m/s"
         )
-    for words in facts.doubt.of_pings(limits):
-        return "UNSAFE", words
+    against = facts.doubt.against(limits)
+    if against and against[0].state == "UNSAFE":
+        return "UNSAFE", against[0].words
     without_beams: State = "COASTING" if navigating else "UNSAFE"
     if facts.stepped:
         return without_beams, "the clock of a source was set"
@@ -80,8 +81,8 @@ def judge(facts: Facts, limits: StatesSection) -> tuple[State, str]:
         return without_beams, "the last ping contradicts the estimate"
     if facts.rank < 3:
         return "PARTIAL", f"beams determine {facts.rank} of 3 directions"
-    for _, words in facts.doubt.of_others(limits):
-        return "PARTIAL", words
+    if against:
+        return against[0].state, against[0].words
     return "OK", "beams determine the whole velocity"
 
 
@@ -123,10 +124,9 @@ class StateMachine:
             self._contradicted.clear()
             self._enter("INITIALISING", why, facts.now_ns)
             return self.state
-        if facts.doubt.rejected >= self.limits.rejected_pings:
-            self._contradicted["UNSAFE"] = facts.now_ns, "pings"
-        for who, _ in facts.doubt.of_others(self.limits):
-            self._contradicted["PARTIAL"] = facts.now_ns, who
+        for one in facts.doubt.against(self.limits):
+            if one.who:
+                self._contradicted[one.state] = facts.now_ns, one.who
         for state, (at_ns, who) in self._contradicted.items():
             is_recent = facts.now_ns - at_ns < ns_from_s(self.limits.agree_s)
             if is_recent and ORDER.index(state) > ORDER.index(asked):
