@@ -297,34 +297,6 @@ mod tests {
         model
     }
 
-    /// A number of any part that is out of its range is named.
-    #[test]
-    fn every_part_is_checked() {
-        assert_eq!(primes().validate(), Ok(()));
-        type Fault = (&'static str, fn(&mut Model));
-        let faults: [Fault; 5] = [
-            ("imu.gyro_noise_rad_rts is -1", |model| {
-                model.imu.gyro_noise_rad_rts = -1.0
-            }),
-            ("imu.accel_bias_walk_mps2_rts is -1", |model| {
-                model.imu.accel_bias_walk_mps2_rts = -1.0
-            }),
-            ("initial.attitude_sd_rad is -1", |model| {
-                model.initial.attitude_sd_rad[2] = -1.0
-            }),
-            ("dvl.scale_factor_sd is -1", |model| {
-                model.sensors.dvl.scale_factor_sd = -1.0
-            }),
-            ("gravity_mps2 is -1", |model| model.environment.gravity_mps2 = -1.0),
-        ];
-        for (words, change) in faults {
-            let mut model = primes();
-            change(&mut model);
-            let text = model.validate().expect_err(words).to_string();
-            assert!(text.contains(words), "{text} has no {words}");
-        }
-    }
-
     /// Densities are the squares of the figures per root second.
     #[test]
     fn densities_are_squares() {

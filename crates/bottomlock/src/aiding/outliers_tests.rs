@@ -231,40 +231,10 @@ fn thin_tails_are_the_kalman_update() {
     assert!(Robust::OFF.is_off());
 }
 
-/// Options that make no sense are named.
+/// Off is no gate and no tail; the default is not.
 #[test]
-fn bad_options_are_named() {
-    for probability in [0.0, 1.0, f64::NAN] {
-        let gates = Robust {
-            beam_gate: Some(probability),
-            ..Robust::OFF
-        };
-        assert!(gates.validate().is_err(), "{probability}");
-    }
+fn off_changes_nothing() {
     assert!(Robust::OFF.is_off() && !Robust::default().is_off());
-    let text = |robust: Robust| robust.validate().unwrap_err().to_string();
-    assert!(
-        text(Robust {
-            closure_gate: Some(1.0),
-            ..Robust::OFF
-        })
-        .contains("robust.closure_gate is 1")
-    );
-    assert!(
-        text(Robust {
-            beam_gate: Some(f64::NAN),
-            ..Robust::OFF
-        })
-        .contains("robust.beam_gate")
-    );
-    assert!(
-        text(Robust {
-            tail: Tail::StudentT,
-            student_t_degrees: 0.0,
-            ..Robust::OFF
-        })
-        .contains("student_t_degrees")
-    );
 }
 
 proptest! {

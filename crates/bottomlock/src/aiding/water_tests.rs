@@ -116,35 +116,6 @@ fn the_yaw_is_not_learned() {
     }
 }
 
-/// Every number is checked, by name.
-#[test]
-fn priors_are_checked() {
-    type Change = fn(&mut WaterPrior);
-    let changes: [(&str, Change); 13] = [
-        ("water.current_sd_mps", |prior| prior.current_sd_mps = -0.1),
-        ("water.current_time_s", |prior| prior.current_time_s = 0.0),
-        ("water.sway_gain_m", |prior| prior.sway_gain_m = f64::NAN),
-        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = f64::NAN),
-        ("water.trim_sd_mps", |prior| prior.trim_sd_mps = f64::INFINITY),
-        ("water.trim_time_s", |prior| prior.trim_time_s = -1.0),
-        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 0.0),
-        ("water.slip_time_s", |prior| prior.slip_time_s = f64::NAN),
-        // The squares of such numbers swamp the covariance.
-        ("water.current_sd_mps", |prior| prior.current_sd_mps = 1e7),
-        ("water.trim_sd_mps", |prior| prior.trim_sd_mps = 3e9),
-        ("water.slip_sd_mps", |prior| prior.slip_sd_mps = 1e10),
-        ("water.sway_gain_m", |prior| prior.sway_gain_m = -1e8),
-        ("water.sway_gain_sd_m", |prior| prior.sway_gain_sd_m = 1e11),
-    ];
-    assert_eq!(WaterPrior::default().validate(), Ok(()));
-    for (field, change) in changes {
-        let mut prior = WaterPrior::default();
-        change(&mut prior);
-        let message = prior.validate().unwrap_err().to_string();
-        assert!(message.contains(field), "{message}");
-    }
-}
-
 /// A state with a correlation time falls to 1/e in it; k is a constant of the vehicle.
 #[test]
 fn decay_by_hand() {

