@@ -89,6 +89,12 @@ impl Earth {
         self.terms(position_t_m.to_array()).gravity_t.into()
     }
 
+    /// Curvature of the sea, 1/m: that of a sphere of the semi-major axis; 0 on a tangent plane.
+    #[must_use]
+    pub fn curvature_pm(&self) -> f64 {
+        self.ellipsoid.as_ref().map_or(0.0, |_| 1.0 / super::SEMI_MAJOR_AXIS_M)
+    }
+
     /// North, east, down and depth at a position.
     #[must_use]
     pub fn level(&self, position_t_m: &Vec3<Tangent>) -> LocalLevel {

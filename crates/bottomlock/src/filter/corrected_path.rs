@@ -14,6 +14,9 @@
 //! Any other update that corrects the position by δr̂ and the misalignment by ρ̂ turns the path behind it alike: the misalignment that
 //! is left moves the end Exp(ρ̂) (p̂ + s), not p̂. Where that is not small against σ, as when beams return after minutes without any,
 //! state and P follow it ([`Eskf::follow_corrected_path`]).
+//!
+//! A depth since the last position has told how deep the path is, along its own axis. On the ellipsoid that is another one at the
+//! end of a correction of kilometres: the depth d(r) stays what the update makes of it, d(r̂) + D·δr, and r_z follows from it.
 
 use nalgebra::{Matrix3, Rotation3, RowVector3, SMatrix, Vector3};
 
@@ -37,6 +40,9 @@ const PLAUSIBLE: f64 = 3.0;
 /// after 1 to 3 min, where 0.1 and 0.5 are alike.
 const PATH_MOVES: f64 = 0.1;
 
+/// Part of the depth, m, that the curvature of the sea may leave out of an update: a hundredth of the white noise of usual sensors.
+const DEPTH_LEFT_OUT_M: f64 = 1e-4;
+
 const YAW: (usize, usize) = (ATTITUDE + 2, ATTITUDE + 2);
 
 /// What an innovation says of the error by itself.
@@ -53,12 +59,7 @@ impl Eskf {
         let Some(mut before) = self.explained_by(innovation) else {
             return;
         };
-        let first = CorrectedPath {
-            by_position: None,
-            by_misalignment: self.path_by_misalignment(&before.error),
-            offset_t_m: Vector3::zeros(),
-        };
-        *innovation = along(&at_estimate, first);
+        *innovation = along(&at_estimate, self.first_path(&before.error));
         for _ in 1..LINEARISATIONS {
             let Some(after) = self.explained_by(innovation) else {
                 return;
@@ -77,7 +78,7 @@ impl Eskf {
     /// Moves an error state to the path that an update of anything else has corrected, where the misalignment that is left moves it
     /// far.
     pub(super) fn follow_corrected_path(&mut self, error: &mut ErrorVector) {
-        if self.is_path_moved_far(error) {
+        if self.is_path_moved_far(error) || self.is_sea_curved(error) {
             let path = self.path_at(error);
             self.move_to_corrected_path(&path, error);
         }
@@ -97,6 +98,17 @@ impl Eskf {
         (0..3).any(|k| moves[k] > far * position[k])
     }
 
+    /// Returns true if the sea curves away below a correction, or below what is uncertain at its end, by more than may be left out
+    /// where a depth is known.
+    fn is_sea_curved(&self, correction: &ErrorVector) -> bool {
+        if self.measured.depth_ns <= self.measured.position_ns {
+            return false;
+        }
+        let gained_m = correction.fixed_rows::<2>(POSITION).norm();
+        let sd_m = self.covariance.fixed_view::<2, 2>(POSITION, POSITION).trace().sqrt();
+        self.settings.earth.curvature_pm() * gained_m * (gained_m + sd_m) > DEPTH_LEFT_OUT_M
+    }
+
     /// Moves an error state to the path that a position has corrected: δr ← A δr + B ρ + c.
     pub(super) fn move_to_corrected_path(&mut self, path: &CorrectedPath, error: &mut ErrorVector) {
         path.move_rows(&mut self.covariance);
@@ -114,13 +126,31 @@ impl Eskf {
     fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
         let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
         if self.measured.depth_ns > self.measured.position_ns {
-            let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * self.since_depth_s();
-            block.set_row(2, &-skew(&gained_t).row(2));
+            block.set_row(2, &self.heave_by_misalignment(correction));
         }
         block
     }
 
-    /// r − r̂, linearised at an estimate of the error; the axis of a depth as in [`Eskf::path_by_misalignment`].
+    /// −[∫R̂ δv dt ×] since the last depth, along its axis.
+    fn heave_by_misalignment(&self, correction: &ErrorVector) -> RowVector3<f64> {
+        let gained_t: Vector3<f64> = self.rotation() * correction.fixed_rows::<3>(VELOCITY) * self.since_depth_s();
+        (-skew(&gained_t)).row(2).into_owned()
+    }
+
+    /// r − r̂ for small angles.
+    fn first_path(&self, correction: &ErrorVector) -> CorrectedPath {
+        let mut path = CorrectedPath {
+            by_position: None,
+            by_misalignment: self.path_by_misalignment(correction),
+            offset_t_m: Vector3::zeros(),
+        };
+        if self.is_sea_curved(correction) {
+            self.keep_depth(correction, &mut path);
+        }
+        path
+    }
+
+    /// r − r̂, linearised at an estimate of the error; the axis of a depth as in [`Eskf::keep_depth`].
     fn path_at(&self, error: &ErrorVector) -> CorrectedPath {
         let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
         let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
@@ -128,19 +158,44 @@ impl Eskf {
         let rest_t = linear_t - rho.cross(&way_t);
         let turn = Rotation3::from_scaled_axis(rho);
         let end_t = turn * (way_t + rest_t);
-        let mut by_position = *turn.matrix();
-        let mut by_misalignment = turn * skew(&way_t) - skew(&end_t) * left_jacobian(&rho);
-        let mut offset_t_m = end_t - way_t - by_position * linear_t - by_misalignment * rho;
-        if self.measured.depth_ns > self.measured.position_ns {
-            by_position.set_row(2, &RowVector3::new(0.0, 0.0, 1.0));
-            by_misalignment.set_row(2, &self.path_by_misalignment(error).row(2));
-            offset_t_m.z = 0.0;
-        }
-        CorrectedPath {
+        let by_position = *turn.matrix();
+        let by_misalignment = turn * skew(&way_t) - skew(&end_t) * left_jacobian(&rho);
+        let mut path = CorrectedPath {
             by_position: Some(by_position),
             by_misalignment,
-            offset_t_m,
+            offset_t_m: end_t - way_t - by_position * linear_t - by_misalignment * rho,
+        };
+        if self.measured.depth_ns > self.measured.position_ns {
+            self.keep_depth(error, &mut path);
         }
+        path
+    }
+
+    /// The third row of a path whose depth is known: e_z solves d(r̂ + e) = d(r̂) + D·δr + b, with the heave b since the depth.
+    fn keep_depth(&self, error: &ErrorVector, path: &mut CorrectedPath) {
+        let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
+        let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
+        let by_position = path.by_position.get_or_insert_with(Matrix3::identity);
+        let by_heave = self.heave_by_misalignment(error);
+        let heave_m = (by_heave * rho).x;
+        let mut end_t = *by_position * linear_t + path.by_misalignment * rho + path.offset_t_m;
+        end_t.z = linear_t.z + heave_m;
+
+        let earth = &self.settings.earth;
+        let mut there_t_m = self.state.position_t_m;
+        let before = earth.level(&there_t_m);
+        there_t_m.0 += end_t;
+        let after = earth.level(&there_t_m);
+        let (down_t, new_down_t) = (before.down_t(), after.down_t());
+        let too_deep_m = after.depth_m - before.depth_m - down_t.dot(&linear_t) - heave_m;
+        end_t.z -= too_deep_m / new_down_t.z;
+
+        let level = RowVector3::new(new_down_t.x, new_down_t.y, 0.0);
+        let of_position = (down_t.transpose() - level * *by_position) / new_down_t.z;
+        let of_misalignment = (by_heave - level * path.by_misalignment) / new_down_t.z;
+        by_position.set_row(2, &of_position);
+        path.by_misalignment.set_row(2, &of_misalignment);
+        path.offset_t_m.z = end_t.z - (of_position * linear_t + of_misalignment * rho).x;
     }
 
     /// What an innovation of three rows says of the error; `None` if S is not positive definite.

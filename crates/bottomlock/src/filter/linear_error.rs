@@ -40,7 +40,10 @@ impl Eskf {
         };
         if self.measured.depth_ns > self.measured.position_ns {
             let since_s = (estimate.time_ns - self.measured.depth_ns) as f64 * 1e-9;
-            linear_t.z = position_t.z - rho.cross(&(rotation * velocity_p)).z * since_s;
+            let [here, there] = [&estimate, truth].map(|state| self.settings.earth.level(&state.position_t_m));
+            let (down_t, heave_m) = (here.down_t(), rho.cross(&(rotation * velocity_p)).z * since_s);
+            let deeper_m = there.depth_m - here.depth_m - heave_m;
+            linear_t.z = (deeper_m - down_t.xy().dot(&linear_t.xy())) / down_t.z;
         }
         error.fixed_rows_mut::<3>(POSITION).copy_from(&linear_t);
         error
