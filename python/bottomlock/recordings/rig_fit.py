@@ -211,8 +211,9 @@ def fit(
         sigma = sigma_mps or max(float(sd_about_zero(r)), 1e-4)
         size = np.sqrt((r**2).sum(axis=1)) / (sigma * np.sqrt(3.0))
         weight = np.where(size > HUBER, HUBER / np.maximum(size, 1e-12), 1.0)
-        normal = np.einsum("p,pki,pkj->ij", weight, Z, A) / sigma**2 + np.diag(sd0**-2)
-        scores = np.einsum("p,pki,pk->pi", weight, Z, r) / sigma**2
+        weighted = (weight / sigma**2)[:, None, None] * Z
+        normal = weighted.reshape(-1, SIZE).T @ A.reshape(-1, SIZE) + np.diag(sd0**-2)
+        scores = np.einsum("pki,pk->pi", weighted, r)
         last = _Pass(
             at, p, sigma, r, r + left[:, :, 4] * (1.0 + p[3]), slope[:, :, 0], size, weight, normal, scores
         )

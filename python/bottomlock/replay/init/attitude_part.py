@@ -267,23 +267,22 @@ def _compare(rate: Floats, calm: Flags, lag_s: float, inside: Flags, gyro: Float
     if len(gyro) < 8:
         return none
     a, b = (x - x.mean(axis=0) for x in (rate[inside & calm], gyro[calm[inside]]))
-    along = float((a[:, :2] * b[:, :2]).sum())
-    across = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
-    level = np.hypot(along, across) / max(
-        float(np.sqrt((a[:, :2] ** 2).sum() * (b[:, :2] ** 2).sum())), 1e-12
-    )
+    # By the sums alone: of squares by axis, and of the products of the attitude's axes with the gyros'.
+    of_rate, of_gyros, both = (a * a).sum(axis=0), (b * b).sum(axis=0), a.T @ b
+    along, across = float(both[0, 0] + both[1, 1]), float(both[0, 1] - both[1, 0])
+    level = np.hypot(along, across) / max(np.sqrt(float(of_rate[:2].sum() * of_gyros[:2].sum())), 1e-12)
     angle = np.rad2deg(np.arctan2(across, along))
     quarters = round(angle / 90.0)
     if level < LEVEL or abs(angle - 90.0 * quarters) > OFF_QUARTER_DEG:
         quarters = 0
-    if quarters:
-        a = np.asarray(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).apply(a))
-    scale = float((b * b).sum())
-    total = np.sqrt(float((a * a).sum()) * scale)
+    turn = np.round(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).as_matrix())
+    of_rate, products = turn**2 @ of_rate, np.diagonal(turn @ both)
+    scale = float(of_gyros.sum())
+    total = np.sqrt(float(of_rate.sum()) * scale)
     if not total > 0.0:
         return none
-    each = (a * b).sum(axis=0) / np.maximum(np.sqrt((a * a).sum(axis=0) * (b * b).sum(axis=0)), 1e-12)
+    each = products / np.maximum(np.sqrt(of_rate * of_gyros), 1e-12)
     return AttitudeMatch(
-        "", float((a * b).sum()) / total, -1.0, float((a * b).sum()) / scale, lag_s, float(each.min()),
+        "", float(products.sum()) / total, -1.0, float(products.sum()) / scale, lag_s, float(each.min()),
         quarters % 4 if quarters % 4 != 3 else -1, float(level),
     )  # fmt: skip

@@ -106,12 +106,11 @@ class Found:
 
 def numbers(series: pl.Series) -> Floats:
     """A column as floats, NaN where a cell is no number; the words of a flag are 1 and 0."""
-    lower = (
-        series.str.strip_chars().str.to_lowercase().replace(FLAG_WORDS)
-        if series.dtype == pl.String
-        else series
-    )
-    return np.asarray(lower.cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy(), dtype=np.float64)
+    found = series.cast(pl.Float64, strict=False)
+    if series.dtype == pl.String and found.null_count() > series.null_count():
+        words = series.str.strip_chars().str.to_lowercase().replace(FLAG_WORDS)
+        found = words.cast(pl.Float64, strict=False)
+    return np.asarray(found.fill_null(np.nan).to_numpy(), dtype=np.float64)
 
 
 def find_streams(table: AnyTable) -> list[Found]:
