@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bottomlock.encoders import cerulean, nortek_dvl, nucleus, pd0, waterlinked_json, waterlinked_serial
+from bottomlock.encoders import cerulean, nortek, pd0, waterlinked_json, waterlinked_serial
 from bottomlock.encoders.ping import Instrument, Ping
 from bottomlock.errors import ScenarioError
 from bottomlock.kernel import BeamGeometry
@@ -36,8 +36,8 @@ FORMATS = (
     Format("waterlinked-json", 4, waterlinked_json.encode, waterlinked_json.Commands),
     Format("waterlinked-serial", 4, waterlinked_serial.encode, waterlinked_serial.SerialCommands),
     Format("pd0", 4, pd0.encode),
-    Format("nortek-dvl", 4, nortek_dvl.encode),
-    Format("nucleus", 3, nucleus.encode),
+    Format("nortek-dvl", 4, nortek.dvl),
+    Format("nucleus", 3, nortek.nucleus1000),
     Format("cerulean-dvkfc", 3, cerulean.encode),
 )
 NAMES = tuple(one.name for one in FORMATS)

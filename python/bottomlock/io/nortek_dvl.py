@@ -194,7 +194,7 @@ def _vertical_note(table: BeamTable) -> list[str]:
     ]
 
 
-_LAYOUT = Layout(
+LAYOUT = Layout(
     np.dtype(
         [
             ("version", "u1"), ("offset", "u1"), ("serial", "<u4"), ("clock", "u1", 6), ("hundred_us", "<u2"),
@@ -216,7 +216,7 @@ _LAYOUT = Layout(
 class _Decoder(RecordTracks):
     """Of a DVL500 or DVL1000."""
 
-    layout = _LAYOUT
+    layout = LAYOUT
 
     def recording(self) -> Recording:
         """The tables, as `Decoder.recording`."""
