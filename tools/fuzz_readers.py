@@ -36,7 +36,7 @@ TOLD = 500_000
 OPTIONS = (
     Options(),
     Options(instrument_only=True),
-    Options(keep_stale=True, ignore_checksum=True, negate_beams=True),
+    Options(keep_stale=True, negate_beams=True),
 )
 INTERESTING = (
     b"\x00", b"\xff", b"\x7f\x7f", b"\xa5", b"\n", b",", b"*", b"$", b"-", b"nan", b"inf", b"1e999", b"-1", b"+-", b"{",

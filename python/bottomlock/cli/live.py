@@ -49,15 +49,12 @@ def live(
     from bottomlock.live.config import cautions, load_config
     from bottomlock.live.replay import replay_log
     from bottomlock.live.runner import Live, begin, host_clock
-    from bottomlock.ports.mavlink import begin_dry_run
 
     if export is not None and replay is None:
         raise ScenarioError("is given without --replay LOG: it writes the track of a raw log", key="--export")
     if init is not None:
         _init(config, init, autopilot, force=force)
         return
-    if dry_run:
-        begin_dry_run()
     settings = load_config(config)
     check_apart(*_files(config, settings))
     if replay is not None and export is not None:

@@ -321,10 +321,8 @@ class SentenceDecoder(LineDecoder):
             at = match.end()
             text, digits = match.groups()
             if not self.fits(text, int(digits, 16)):
-                if not self.options.ignore_checksum:
-                    account.skip("bad checksum", position, match.group())
-                    continue
-                account.flag("bad checksum, kept on request", position, match.group())
+                account.skip("bad checksum", position, match.group())
+                continue
             name = text.split(b",", 1)[0]
             if name in self.wanted:
                 self.sentence(position, text)

@@ -34,7 +34,6 @@ class Options:
         keep_stale: Keep beams valid that repeat the previous record unchanged.
         negate_beams: Reverse the sign of beam velocities that are positive away from the bottom.
         beams_from_axes: Recover the beams of PD0 in other coordinates from solutions of four beams.
-        ignore_checksum: Keep text records with a wrong checksum, flagged.
         clock: Where the clock is the sum of intervals: that of every report, or not of reports that repeat.
     """
 
@@ -44,7 +43,6 @@ class Options:
     keep_stale: bool = False
     negate_beams: bool = False
     beams_from_axes: bool = False
-    ignore_checksum: bool = False
     clock: Literal["reports", "distinct"] = "reports"
 
 

@@ -135,7 +135,7 @@ class _Decoder(LineDecoder):
 
     def line(self, position: int, line: bytes) -> None:
         """Takes the sentences of a line; what is lost is counted."""
-        account, trust, at = self.account, self.options.ignore_checksum, 0
+        account, at = self.account, 0
         while match := _SENTENCE.search(line, at):
             text, digits = match.groups()
             good = crc8_of(text, 0x107) == int(digits, 16)
@@ -148,9 +148,7 @@ class _Decoder(LineDecoder):
                 self.lost()
                 continue
             before, at = line[at : match.start()], match.end()
-            if good or trust:
-                if not good:
-                    account.flag("bad checksum, kept on request", position, text)
+            if good:
                 self._sentence(text, position, (_shape(before), _shape(line[at:])))
             else:
                 account.skip("bad checksum", position, match.group())
@@ -178,9 +176,6 @@ class _Decoder(LineDecoder):
             self._transducer(text, position, frame)
         else:
             self.account.pass_by(_OTHERS.get(kind, kind.decode("ascii")), position)
-            # A kept sentence with a wrong checksum may have been a velocity report.
-            if self.options.ignore_checksum and kind not in _OTHERS:
-                self.lost()
 
     def _transducer(self, text: bytes, position: int, frame: Frame) -> None:
         """A `wru`: joined where it is the next of the open ping; else it closes the ping and is skipped."""

@@ -5,7 +5,7 @@ Each number is aligned to its size, counted from the end of the 4-byte header. S
 """
 
 import struct
-from collections.abc import Iterable
+from functools import partialmethod
 
 _HEADER = b"\x00\x01\x00\x00"
 
@@ -19,30 +19,14 @@ class CdrWriter:
     def __bytes__(self) -> bytes:
         return _HEADER + bytes(self._body)
 
-    def _put(self, code: str, values: Iterable[float]) -> None:
+    def _put(self, code: str, *values: float) -> None:
         size = struct.calcsize("<" + code)
         for value in values:
             self._body += bytes(-len(self._body) % size) + struct.pack("<" + code, value)
 
-    def uint8(self, *values: int) -> None:
-        """Bytes, also booleans."""
-        self._put("B", values)
-
-    def uint32(self, *values: int) -> None:
-        """32-bit numbers."""
-        self._put("I", values)
-
-    def int32(self, *values: int) -> None:
-        """32-bit numbers with a sign."""
-        self._put("i", values)
-
-    def float32(self, *values: float) -> None:
-        """Single precision."""
-        self._put("f", values)
-
-    def float64(self, *values: float) -> None:
-        """Double precision."""
-        self._put("d", values)
+    # Any count of numbers of a type; booleans are bytes.
+    uint8, uint32, int32 = partialmethod(_put, "B"), partialmethod(_put, "I"), partialmethod(_put, "i")
+    float32, float64 = partialmethod(_put, "f"), partialmethod(_put, "d")
 
     def string(self, text: str) -> None:
         """A string with its length and a closing zero."""

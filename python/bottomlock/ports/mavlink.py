@@ -9,13 +9,11 @@ NavEKF3_core::writeBodyFrameOdom, and PX4's ekf2 (docs/ports.md).
 
 import re
 from collections.abc import Mapping
-from functools import cache
-from types import SimpleNamespace
 from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from bottomlock.errors import ScenarioError, note
+from bottomlock.errors import ScenarioError
 from bottomlock.libraries import mavlink
 from bottomlock.ports.estimate import Estimate, Floats
 from bottomlock.ports.port import Port, RateHz
@@ -30,52 +28,9 @@ VISUAL_INERTIAL_ODOMETRY = 197
 """MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY."""
 
 
-class _Fields:
-    """Stands for the library in a dry run: messages are packed as their names and fields, and none is parsed."""
-
-    MAVLink = staticmethod(
-        lambda *_, srcSystem=0, srcComponent=0: SimpleNamespace(
-            seq=0, srcSystem=srcSystem, srcComponent=srcComponent, parse_buffer=lambda _: []
-        )
-    )
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - as of the library
-        def message(*values: object, **fields: object) -> SimpleNamespace:
-            words = [*map(str, values), *(f"{key}={value}" for key, value in fields.items())]
-            text = " ".join([name.removeprefix("MAVLink_").removesuffix("_message").upper(), *words])
-            return SimpleNamespace(pack=lambda _: text.encode())
-
-        return message
-
-
-_state = {"dry run": False}
-
-
-def begin_dry_run() -> None:
-    """Where the library is not installed, messages are shown as their fields from now on in this process."""
-    _state["dry run"] = True
-
-
-@cache
-def _stand_in(missing: str) -> _Fields:
-    note(
-        f"{missing}; until then MAVLink messages are shown as their fields, and MAVLink sources are not read"
-    )
-    return _Fields()
-
-
 def dialect() -> Any:  # noqa: ANN401 - the library is not typed
-    """The library's module of the dialect "ardupilotmega", version 2.
-
-    Raises:
-        ScenarioError: where the library is not installed, except in a dry run.
-    """
-    try:
-        return mavlink(ScenarioError)
-    except ScenarioError as error:
-        if _state["dry run"]:
-            return _stand_in(str(error))
-        raise
+    """The library's module of the dialect "ardupilotmega", version 2; ScenarioError where it is not installed."""
+    return mavlink(ScenarioError)
 
 
 def packed(link: Any, message: Any) -> bytes:  # noqa: ANN401 - the library is not typed
