@@ -115,6 +115,8 @@ pub mod simulation;
 pub mod smoother;
 pub mod state;
 pub mod stop;
+#[cfg(test)]
+mod testing;
 #[cfg(feature = "simulation")]
 mod workers;
 

@@ -1,14 +1,10 @@
 //! An acoustic fix worked by hand, laws of its noise, and its simulated readings.
 
-use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
 use super::*;
 use crate::aiding::sensor::TrueMotion;
-use crate::earth::LocalLevel;
-use crate::frames::Rot;
-use crate::layout::{ATTITUDE, POSITION};
-use crate::state::NavState;
+use crate::testing::*;
 
 fn model() -> AcousticPositionModel {
     AcousticPositionModel {

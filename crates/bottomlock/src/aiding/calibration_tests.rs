@@ -4,15 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 use crate::aiding::InformationPort;
-use crate::aiding::MAX_ROWS;
-use crate::dvl::geometry::{BeamMask, Janus};
-use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
-use crate::earth::Environment;
-use crate::earth::LocalLevel;
 use crate::error_model::Coefficients;
-use crate::frames::Tangent;
 use crate::mechanisation::{EarthTerms, Inertial};
-use crate::state::{ErrorVector, NavState};
+use crate::testing::*;
 
 const RATE: [f64; 3] = [0.1, -0.2, 0.3];
 const FORCE: [f64; 3] = [0.4, -0.3, -9.6];

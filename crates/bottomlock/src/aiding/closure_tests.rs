@@ -1,15 +1,11 @@
 //! The closure by hand, and as what the velocity leaves of the beams.
 
-use nalgebra::{Matrix3, SMatrix, SVector};
 use proptest::prelude::*;
 
 use super::*;
 use crate::aiding::further::FurtherRows;
 use crate::aiding::{InformationPort, RowJacobian};
-use crate::dvl::geometry::{BeamGeometry, BeamSample, Janus, MAX_BEAMS};
-use crate::dvl::partial::{Assumptions, PartialMethod, fix_estimator};
-use crate::layout::{ATTITUDE, DIM, DVL_BIAS};
-use crate::state::NavState;
+use crate::testing::*;
 
 /// Terms of beams in these directions, with residuals of 1, 2, 3, … m/s, a bias each and a variance each.
 fn terms(directions: &[[f64; 3]], variance: impl Fn(usize, usize) -> f64) -> BeamTerms {

@@ -190,6 +190,7 @@ pub type FurtherRows = SMatrix<f64, MAX_ROWS, FURTHER>;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::*;
 
     /// The blocks cover the further states without gap or overlap, each under a name of its own.
     #[test]
@@ -216,13 +217,6 @@ mod tests {
     /// Every model by hand: its states with their correlation times, and nothing of an axis without slip.
     #[test]
     fn models_name_their_processes() {
-        use crate::aiding::attitude::MagnetometerModel;
-        use crate::aiding::calibration::CalibrationPrior;
-        use crate::aiding::depth::DepthModel;
-        use crate::aiding::heading::HeadingModel;
-        use crate::aiding::motion_prior::MotionPrior;
-        use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
-        use crate::aiding::thrust::ThrustModel;
         let (lasting, constant) = (Process::lasting, Process::constant);
         let depth = DepthModel {
             bias_sd_m: 0.3,

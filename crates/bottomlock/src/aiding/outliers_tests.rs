@@ -1,14 +1,8 @@
 //! The gates and the weights by hand, and what one wild beam may do.
 
 use super::*;
-use crate::aiding::{Motion, beam_terms};
-use crate::dvl::geometry::{BeamMotion, Janus};
-use crate::earth::LocalLevel;
-use crate::frames::Vec3;
-use crate::layout::VELOCITY;
-use crate::model::Model;
-use crate::state::NavState;
-use nalgebra::Vector3;
+use crate::dvl::geometry::BeamMotion;
+use crate::testing::*;
 use proptest::prelude::*;
 
 const SD: f64 = 0.04;

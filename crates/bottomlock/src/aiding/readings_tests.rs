@@ -1,23 +1,14 @@
 //! Readings of every sensor: of a row of a log, of the true motion, and simulated with the draws of their streams.
 
-use crate::aiding::Motion;
-use nalgebra::{Matrix3, Vector3};
-
 use super::acoustic_position::{AcousticPositionModel, AcousticPositionSample};
-use super::attitude::{AttitudeSample, MagnetometerModel, attitude};
-use super::depth::{DepthModel, DepthSample};
+use super::attitude::AttitudeSample;
 use super::deviation::harmonics;
-use super::further::block;
 use super::gps::{GpsModel, GpsSample, GpsVelocity};
-use super::heading::{HeadingModel, HeadingSample, heading};
-use super::registry::{Sensor, SensorModels};
-use super::sensor::{AidingSensor, Fraction, Reading, Scene, Signed, SlowSd, TimeConstant, TrueMotion};
-use super::thrust::{ThrustModel, ThrustSample};
+use super::heading::HeadingSample;
+use super::registry::SensorModels;
+use super::sensor::{AidingSensor, Fraction, Reading, Scene, Signed, TrueMotion};
 use super::velocity::VelocitySample;
-use crate::earth::LocalLevel;
-use crate::frames::{Platform, Rot, Tangent, Vec3};
-use crate::random::Normals;
-use crate::state::NavState;
+use crate::testing::*;
 
 const SEED: [u8; 32] = [3; 32];
 const NOW_NS: i64 = 5_000_000_000;

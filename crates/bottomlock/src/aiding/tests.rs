@@ -1,24 +1,10 @@
 //! Every H against central differences of its own residual, also at pitch ±89.9°.
 
-use crate::aiding::Motion;
-use nalgebra::Vector3;
-
 use super::acoustic_position::AcousticPositionSample;
-use super::attitude::attitude;
-use super::depth::depth;
 use super::gps::gps_velocity;
-use super::heading::heading;
-use super::position::position;
-use super::registry::Sensor;
 use super::sensor::Reading;
-use super::velocity::velocity;
 use super::*;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
-use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
-use crate::earth::{Earth, EarthModel, Environment, LocalLevel};
-use crate::frames::{Rot, Vec3};
-use crate::layout::{ATTITUDE, POSITION};
-use crate::state::ErrorVector;
+use crate::testing::*;
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
 const RATE: [f64; 3] = [0.1, -0.2, 0.3];

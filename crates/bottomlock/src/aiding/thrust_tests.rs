@@ -1,15 +1,9 @@
 //! The row by hand, against differences, and blind to what it cannot tell.
 
-use nalgebra::SVector;
-
 use super::*;
-use crate::aiding::current_layers::{LAYER_STATES, LayerVector, Layers, LayersPrior, Water};
-use crate::aiding::further::block;
+use crate::aiding::current_layers::{LAYER_STATES, Layers, LayersPrior};
 use crate::aiding::water::tests::{example, motion as motion_at};
-use crate::aiding::water::{CURRENT, WaterVector};
-use crate::frames::Rot;
-use crate::layout::{DIM, VELOCITY};
-use crate::state::{ErrorVector, NavState};
+use crate::testing::*;
 
 const RATE: [f64; 3] = [0.1, -0.2, 0.3];
 

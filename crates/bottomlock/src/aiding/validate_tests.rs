@@ -1,15 +1,11 @@
 //! Every reading's numbers are checked before a filter sees them: what is measured is finite, every sigma positive.
 
-use nalgebra::Matrix3;
-
 use super::attitude::AttitudeSample;
-use super::depth::DepthSample;
 use super::gps::{GpsSample, GpsVelocity};
 use super::heading::HeadingSample;
 use super::sensor::AidingSensor;
-use super::thrust::ThrustSample;
 use super::velocity::VelocitySample;
-use crate::frames::{Rot, Vec3};
+use crate::testing::*;
 
 /// Words of a refusal, and the change of a good reading that is refused.
 type Fault<'a, S> = (&'a str, &'a dyn Fn(&mut S));

@@ -1,10 +1,7 @@
 //! The rows by hand, against differences, and blind to the yaw.
 
 use super::*;
-use crate::aiding::current_layers::{LayerVector, Water};
-use crate::earth::LocalLevel;
-use crate::frames::{Rot, Vec3};
-use crate::state::{ErrorVector, NavState};
+use crate::testing::*;
 
 const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
 

@@ -1,15 +1,9 @@
 //! The rows by hand, against differences, and blind to what the water alone leaves open.
 
 use super::*;
-use crate::aiding::current_layers::{LAYER_STATES, LayerVector, Layers, LayersPrior};
-use crate::aiding::further::block;
+use crate::aiding::current_layers::{LAYER_STATES, Layers, LayersPrior};
 use crate::aiding::water::tests::{example as moving, motion as motion_at};
-use crate::aiding::water::{WATER, WaterVector};
-use crate::aiding::{MAX_ROWS, beam_terms};
-use crate::dvl::geometry::{BeamMask, Janus, MAX_BEAMS};
-use crate::frames::Rot;
-use crate::layout::{DIM, POSITION, VELOCITY};
-use crate::state::ErrorVector;
+use crate::testing::*;
 
 fn janus() -> BeamGeometry {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();

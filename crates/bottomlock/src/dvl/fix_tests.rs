@@ -1,12 +1,9 @@
 //! Fixes by hand on beams along the axes of the platform, and what is checked before one.
 
-use nalgebra::{Matrix3, Vector3};
-
 use super::fix::*;
-use super::geometry::{BeamGeometry, BeamMask, MAX_BEAMS};
 use super::partial::*;
 use super::partial_tests::{SIGMA, janus, ping, prior};
-use crate::frames::Vec3;
+use crate::testing::*;
 
 /// Beams along the axes of the platform, a lever arm, a turn and a wrong sound speed: what the beams see is taken off by hand.
 #[test]

@@ -1,12 +1,10 @@
 //! Tests of the partial-beam methods: closed forms of the papers, unsolvable cases, invariances over random geometries.
 
-use nalgebra::{Matrix3, Vector3};
+use crate::testing::*;
 use proptest::prelude::*;
 
 use super::fix::*;
-use super::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use super::partial::*;
-use crate::frames::{Platform, Rot, Vec3};
 
 pub(super) const SIGMA: [f64; 4] = [0.042, 0.05, 0.03, 0.06];
 

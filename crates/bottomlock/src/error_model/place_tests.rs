@@ -2,10 +2,8 @@
 
 use super::tests::{NOISE, dense_transition, flown, sample_covariance, state};
 use super::*;
-use crate::earth::{Earth, EarthModel, Environment};
-use crate::frames::Vec3;
 use crate::mechanisation::derivatives;
-use crate::state::{Covariance, ErrorVector};
+use crate::testing::*;
 
 const FAR: [f64; 3] = [-30e3, 45e3, 900.0];
 

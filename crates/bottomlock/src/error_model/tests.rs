@@ -1,15 +1,13 @@
 //! Witnesses of F, G and the propagation: finite differences of the nonlinear model, dense products, Van Loan, lanes.
 
-use nalgebra::{SMatrix, Vector3};
 use proptest::prelude::*;
 
 use super::covariance::complete;
 use super::*;
-use crate::earth::{Environment, in_lanes};
-use crate::frames::{Rot, Vec3};
+use crate::earth::in_lanes;
 use crate::mechanisation::derivatives;
 use crate::simd::{Lanes, Simd, WIDEST, f64x4, gather, on_one_level};
-use crate::state::{Covariance, ErrorVector, NavState};
+use crate::testing::*;
 
 type Dense = SMatrix<f64, DIM, DIM>;
 

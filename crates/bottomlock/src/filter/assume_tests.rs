@@ -1,10 +1,7 @@
 //! Updates with the verdict of another filter, and when a filter's covariance excludes another's velocity.
 
 use super::*;
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// σ of each axis of the velocity, m/s.
 const SD: f64 = 0.5;

@@ -1,13 +1,9 @@
 //! Beams beyond the fourth: their biases are like those of the first four, by the order of the beams and by hand.
 
 use super::*;
-use crate::aiding::tightly_coupled;
-use crate::dvl::geometry::{BeamGeometry, BeamMask};
 use crate::filter::level_turn::advance;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::layout::{DVL_BIAS, MAX_BEAMS};
-use crate::state::NavState;
+use crate::layout::MAX_BEAMS;
+use crate::testing::*;
 
 const BEAMS: [usize; MAX_BEAMS] = [0, 1, 2, 3, 4, 5, 6, 7];
 const REVERSED: [usize; MAX_BEAMS] = [7, 6, 5, 4, 3, 2, 1, 0];

@@ -1,12 +1,7 @@
 //! The law of a bridged interval, by hand.
 
 use super::*;
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::layout::{ATTITUDE, POSITION, VELOCITY};
-use crate::mechanisation::ImuSample;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// By hand: 2 s at 0.5 m/s² and 0.1 rad/s are 0.5 (m/s)²/s and 0.02 rad²/s; 10 s and a nanosecond are too long.
 #[test]

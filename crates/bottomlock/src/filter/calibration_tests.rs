@@ -1,27 +1,15 @@
 //! Mounting and clock against a Kalman filter on all 31 states.
 
-use crate::aiding::Motion;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
 use super::*;
-use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance, CalibrationPrior, CalibrationVector};
-use crate::aiding::depth::{DepthModel, depth};
-use crate::aiding::further::{FURTHER, block};
-use crate::aiding::sensor::TimeConstant;
-use crate::aiding::water::{WATER, sway_row};
-use crate::aiding::{CorrelatedNoise, Innovation, MAX_ROWS, tightly_coupled};
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
-use crate::filter::Eskf;
-use crate::filter::gate::Gate;
+use crate::aiding::CorrelatedNoise;
+use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance, CalibrationVector};
+use crate::aiding::further::FURTHER;
+use crate::aiding::water::sway_row;
 use crate::filter::level_turn::{advance, assert_close};
 use crate::filter::mean_change::MeanChange;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Vec3, skew};
-use crate::layout::{GYRO_BIAS, VELOCITY};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::frames::skew;
+use crate::layout::GYRO_BIAS;
+use crate::testing::*;
 
 const BIAS: usize = DIM;
 const OWN: usize = DIM + 1;

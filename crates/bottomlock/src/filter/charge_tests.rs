@@ -1,20 +1,8 @@
 //! Charges by hand: of an attitude reference, and of water track.
 
-use nalgebra::Vector3;
-
 use super::*;
-use crate::aiding::attitude::{MagnetometerModel, attitude};
-use crate::aiding::further::block;
-use crate::aiding::sensor::{SlowSd, WalkTime};
-use crate::aiding::water::{CURRENT, WaterPrior};
 use crate::aiding::water_track::WaterSample;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use crate::filter::options::Options;
-use crate::filter::report::Verdict;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Platform, Rot, Tangent, Vec3};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 

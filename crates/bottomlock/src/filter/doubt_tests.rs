@@ -1,19 +1,7 @@
 //! Doubt by hand: a filter with σ 0.05 m/s that velocities of σ 0.05 m/s contradict.
 
-use nalgebra::Matrix3;
-
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::position::position;
-use crate::aiding::velocity::velocity;
-use crate::aiding::{beam_terms, tightly_coupled};
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use crate::filter::gate::Gate;
-use crate::filter::options::Options;
-use crate::filter::report::Verdict;
-use crate::frames::Vec3;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 const S: i64 = 1_000_000_000;
 

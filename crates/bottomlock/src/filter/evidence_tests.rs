@@ -1,18 +1,8 @@
 //! Counts, factors, charges and bounds by hand.
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::depth::depth;
-use crate::aiding::position::position;
-use crate::aiding::velocity::velocity;
-use crate::aiding::{beam_terms, tightly_coupled};
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use crate::filter::charge::observed;
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// By hand: factors 4, 9 and 6 have the geometric mean 6.
 #[test]

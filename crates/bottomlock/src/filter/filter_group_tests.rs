@@ -1,14 +1,8 @@
 //! Filters side by side in every kind of vector that this machine has, against each of them predicted step by step.
 
 use super::*;
-use crate::aiding::water::WaterPrior;
-use crate::filter::Eskf;
-use crate::filter::options::Options;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Rot, Vec3};
-use crate::model::Model;
-use crate::simd::{on_every_level, vectors};
-use crate::state::NavState;
+use crate::simd::vectors;
+use crate::testing::*;
 
 const FILTERS: usize = 4;
 const SAMPLES: usize = 40;

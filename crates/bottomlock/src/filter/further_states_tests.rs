@@ -1,31 +1,13 @@
 //! The further states of every block against a Kalman filter on all states.
 
-use crate::aiding::Motion;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
 use super::*;
-use crate::aiding::attitude::{MagnetometerModel, attitude};
-use crate::aiding::calibration::CalibrationPrior;
-use crate::aiding::depth::{DepthModel, depth};
+use crate::aiding::RowJacobian;
 use crate::aiding::further::FurtherRows;
-use crate::aiding::heading::{HeadingModel, heading};
-use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
-use crate::aiding::thrust::{ThrustModel, ThrustSample, ThrustUse, thrust};
-use crate::aiding::water::{WATER, sway_row};
-use crate::aiding::{Innovation, RowJacobian, tightly_coupled};
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus};
-use crate::filter::Eskf;
-use crate::filter::gate::Gate;
+use crate::aiding::thrust::thrust;
+use crate::aiding::water::sway_row;
 use crate::filter::imu_matrix::MATRIX;
 use crate::filter::level_turn::{advance, assert_close};
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Rot, Tangent, Vec3};
-use crate::layout::{ATTITUDE, POSITION, VELOCITY};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 const ALL: usize = DIM + FURTHER;
 const MOTION: MotionPrior = MotionPrior {

@@ -5,19 +5,10 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Matrix6;
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::heading::heading;
-use crate::earth::Environment;
-use crate::filter::Eskf;
 use crate::filter::level_turn::assert_close;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
 use crate::filter::tape::transition;
-use crate::frames::Vec3;
-use crate::layout::{ATTITUDE, POSITION, VELOCITY};
-use crate::mechanisation::ImuSample;
-use crate::model::{InitialModel, Model};
-use crate::state::NavState;
+use crate::model::InitialModel;
+use crate::testing::*;
 
 const SCALE: f64 = 3e-4;
 const MISALIGNMENT: f64 = 1e-3;

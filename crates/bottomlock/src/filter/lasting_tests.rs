@@ -5,15 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::position::position;
-use crate::aiding::velocity::velocity;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::frames::Vec3;
-use crate::layout::DIM;
-use crate::model::Model;
-use crate::state::{Covariance, NavState};
+use crate::testing::*;
 
 const SECOND_NS: i64 = 1_000_000_000;
 

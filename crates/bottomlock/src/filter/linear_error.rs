@@ -53,10 +53,7 @@ impl Eskf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::options::Options;
-    use crate::frames::{Rot, Tangent, Vec3};
-    use crate::mechanisation::ImuSample;
-    use crate::model::Model;
+    use crate::testing::*;
 
     const NOW_NS: i64 = 20_000_000_000;
     const RHO: [f64; 3] = [0.2, -0.1, 0.4];

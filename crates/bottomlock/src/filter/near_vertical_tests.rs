@@ -1,15 +1,9 @@
 //! What the row of a yaw leaves out, against the nonlinear yaw; when it is withheld.
 
-use crate::aiding::Motion;
 use nalgebra::Matrix2;
 
 use super::*;
-use crate::aiding::heading::heading;
-use crate::filter::options::Options;
-use crate::frames::Rot;
-use crate::model::Model;
-use crate::random::Normals;
-use crate::state::{ErrorVector, NavState};
+use crate::testing::*;
 
 const YAW_RAD: f64 = -1.1;
 

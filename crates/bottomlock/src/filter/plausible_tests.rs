@@ -1,15 +1,7 @@
 //! Estimates on either side of their bounds, and filters read from bytes with a number that none can have.
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::calibration::CalibrationPrior;
-use crate::aiding::depth::depth;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::Vec3;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 type Change = fn(&mut Eskf);
 

@@ -1,14 +1,8 @@
 //! A filter predicted along a slice against the same filter step by step: bits, failures and tapes.
 
-use crate::aiding::water::WaterPrior;
 use crate::error::NavError;
-use crate::filter::Eskf;
-use crate::filter::options::Options;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Rot, Vec3};
-use crate::mechanisation::{ImuSample, Sampling};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::mechanisation::Sampling;
+use crate::testing::*;
 
 const PERIODS_NS: [i64; 3] = [0, 20_000_000, 100_000_000];
 

@@ -1,21 +1,9 @@
 //! Slow errors of sensors and the motion: by hand, and what they are for.
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::attitude::{MagnetometerModel, attitude};
-use crate::aiding::depth::{DepthModel, depth};
-use crate::aiding::heading::{HeadingModel, heading};
-use crate::aiding::motion_prior::MotionPrior;
-use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
-use crate::filter::Eskf;
-use crate::filter::gate::Gate;
 use crate::filter::level_turn::advance;
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::frames::{Rot, Tangent, Vec3};
-use crate::layout::{ATTITUDE, VELOCITY};
-use crate::model::{ImuModel, Model};
-use crate::state::NavState;
+use crate::model::ImuModel;
+use crate::testing::*;
 
 fn filter_of(change: impl FnOnce(&mut Model)) -> Eskf {
     let mut model = Model::table_2();

@@ -1,11 +1,8 @@
 //! What a filter states of itself, and its update with correlated noise against dense matrices.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-
 use super::*;
 use crate::aiding::CorrelatedNoise;
-use crate::filter::gate::Gate;
-use crate::filter::report::Verdict;
+use crate::testing::*;
 
 /// A campaign holds hundreds of filters side by side, so each must fit in the second-level cache with its
 /// neighbours.

@@ -3,18 +3,11 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::aiding::further::{FURTHER, block};
-use crate::aiding::sensor::TimeConstant;
-use crate::aiding::thrust::{SCALE, SLIP, ThrustModel, ThrustSample, ThrustUse, thrust};
-use crate::aiding::{Corrects, Innovation};
-use crate::filter::gate::Gate;
-use crate::filter::options::Options;
+use crate::aiding::Corrects;
+use crate::aiding::further::FURTHER;
+use crate::aiding::thrust::{SCALE, SLIP, thrust};
 use crate::filter::report::UpdateReport;
-use crate::filter::water_block::WaterBlock;
-use crate::frames::{Rot, Vec3};
-use crate::layout::{DIM, POSITION, VELOCITY};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 fn filter(state: NavState) -> Eskf {
     let options = Options {

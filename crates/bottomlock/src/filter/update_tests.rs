@@ -1,13 +1,7 @@
 //! The verdict of the gate on either side of its threshold.
 
 use super::*;
-use crate::aiding::Motion;
-use crate::aiding::depth::depth;
-use crate::filter::gate::Gate;
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// The verdict on a depth whose residual has the given square over its variance; σ of the state is 2 m, of the sensor 0.5 m.
 fn verdict(gate: Gate, nis: f64) -> (Verdict, f64) {

@@ -69,12 +69,8 @@ impl WarmUp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::aiding::sensor::WalkTime;
-    use crate::filter::Eskf;
     use crate::filter::level_turn::advance;
-    use crate::filter::options::Options;
-    use crate::model::Model;
-    use crate::state::NavState;
+    use crate::testing::*;
 
     /// After a time constant a bias has moved by 1 − 1/e of what it will, after ten by all of it, whatever the intervals; the
     /// covariance that is asked for between them is that of an interval.

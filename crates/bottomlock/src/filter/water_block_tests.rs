@@ -1,21 +1,10 @@
 //! The water states against a Kalman filter on all 26 states, and what is measured and tested of the slip.
 
-use nalgebra::{DMatrix, DVector, SVector};
-
 use super::*;
-use crate::aiding::Innovation;
-use crate::aiding::current_layers::{LayerVector, Water};
-use crate::aiding::further::{FurtherVector, block};
-use crate::aiding::water::{CURRENT, WATER, sway_row};
-use crate::filter::Eskf;
-use crate::filter::gate::Gate;
+use crate::aiding::further::FurtherVector;
+use crate::aiding::water::sway_row;
 use crate::filter::level_turn::{advance, assert_close};
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::frames::Vec3;
-use crate::layout::{ATTITUDE, DIM};
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 const ALL: usize = DIM + WATER;
 

@@ -1,17 +1,10 @@
 //! When the constrained filter starts again, what it takes from the measurements, and that nothing leaves one of the two out.
 
-use nalgebra::Vector3;
-
 use super::*;
-use crate::aiding::water::{CURRENT, HEAVE, WATER, WaterPrior};
+use crate::aiding::water::HEAVE;
 use crate::aiding::water_track::WaterSample;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use crate::filter::options::Options;
 use crate::filter::tape::Step;
-use crate::frames::Vec3;
-use crate::layout::VELOCITY;
-use crate::model::Model;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// σ of each axis of the velocity, m/s.
 const SD: f64 = 0.1;

@@ -1,11 +1,6 @@
 use super::*;
-use crate::dvl::geometry::{BeamGeometry, Janus};
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::model::Model;
-use crate::navigator::events::DepthSample;
-use crate::navigator::{LiveNavigator, Method, Notice};
-use crate::state::NavState;
+use crate::navigator::{LiveNavigator, Notice};
+use crate::testing::*;
 
 const MS: i64 = 1_000_000;
 

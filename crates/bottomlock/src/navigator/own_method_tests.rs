@@ -1,11 +1,9 @@
 //! Methods from outside the kernel: copies of built-in ones, and what is refused.
 
 use super::*;
-use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
-use crate::filter::options::Options;
-use crate::navigator::events::Event;
-use crate::navigator::{Navigator, Snapshot};
-use crate::replay::tests::{Recording, steady_turn};
+use crate::navigator::Snapshot;
+use crate::replay::tests::Recording;
+use crate::testing::*;
 
 /// The rows of tight coupling, as a user would write them.
 struct TightCopy;

@@ -1,14 +1,7 @@
 //! Which rejected beams may show an error of the filter.
 
 use super::*;
-use crate::dvl::geometry::{BeamGeometry, Janus};
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::mechanisation::ImuSample;
-use crate::model::Model;
-use crate::navigator::events::{DepthSample, Event};
-use crate::navigator::{METHODS, Method};
-use crate::state::NavState;
+use crate::testing::*;
 
 fn at_rest() -> Navigator {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();

@@ -2,15 +2,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use crate::filter::options::Options;
-use crate::frames::Vec3;
-use crate::mechanisation::ImuSample;
-use crate::model::Model;
-use crate::navigator::METHODS;
-use crate::navigator::events::{DepthSample, Event};
 use crate::saved::CONTENT_AT;
-use crate::state::NavState;
+use crate::testing::*;
 
 /// A navigator at rest on the equator, where no number needs a sine, with a ping and a depth that wait.
 fn waiting(method: usize) -> Snapshot {

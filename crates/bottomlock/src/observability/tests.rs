@@ -1,17 +1,12 @@
 //! Ranks and unobservable directions by hand, and two independent computations of Φ.
 
-use nalgebra::{DMatrix, DVector, Vector3};
-
 use super::history::{of_filter, of_paper};
 use super::paper::{Sensors, Sign};
 use super::rank::{MIN_GAP, Observability, gramian, observe, rows};
 use super::{Aiding, Epochs, SensorSet, System, full, paper};
-use crate::aiding::registry::Sensor;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, Janus};
-use crate::frames::{Platform, Rot, Tangent};
-use crate::model::Model;
 use crate::simulation::truth::Truth;
 use crate::stop::Stop;
+use crate::testing::*;
 
 const GRAVITY: f64 = 9.8125;
 pub(super) const SECOND_NS: i64 = 1_000_000_000;

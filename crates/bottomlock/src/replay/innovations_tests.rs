@@ -1,10 +1,8 @@
 //! A withheld measurement is predicted as the first after an outage, and the filters are those without it.
 
-use crate::filter::options::Options;
-use crate::filter::report::Sensor;
-use crate::navigator::{METHODS, Method};
-use crate::replay::tests::{Recording, steady_turn};
-use crate::replay::{InnovationRecord, Replay, STREAMS, Track, replay};
+use crate::replay::tests::Recording;
+use crate::replay::{InnovationRecord, Replay, STREAMS, Track};
+use crate::testing::*;
 
 const END_NS: i64 = 8_000_000_000;
 const DEPTH: usize = 3;

@@ -1,16 +1,12 @@
 //! A log of a steady turn with streams that never meet, through every method.
 
 use super::*;
-use crate::aiding::registry::{Measurement, SENSORS, SensorKind};
-use crate::dvl::geometry::{BeamMask, BeamMotion, Janus};
-use crate::dvl::geometry::{BeamSample, MAX_BEAMS};
-use crate::filter::report::{Sensor, UpdateReport};
-use crate::frames::{Rot, Vec3};
-use crate::mechanisation::ImuSample;
+use crate::aiding::registry::{Measurement, SENSORS};
+use crate::dvl::geometry::BeamMotion;
+use crate::filter::report::UpdateReport;
 use crate::mechanisation::Sampling;
-use crate::navigator::events::{AttitudeSample, DepthSample, Event, GpsSample, HeadingSample};
-use crate::navigator::{METHODS, Navigator};
-use nalgebra::Vector3;
+use crate::navigator::events::{AttitudeSample, GpsSample, HeadingSample};
+use crate::testing::*;
 
 const MS: i64 = 1_000_000;
 

@@ -2,16 +2,9 @@
 //! them at its beginning is what the filter says at its end. That holds only if the tape has every gain, Jacobian and
 //! covariance of them in its place.
 
-use nalgebra::DMatrix;
-
 use super::*;
-use crate::aiding::calibration::{CALIBRATION, CalibrationPrior, CalibrationVector};
-use crate::filter::options::Options;
-use crate::frames::Rot;
-use crate::navigator::events::Event;
-use crate::navigator::{Method, Navigator};
-use crate::replay::replay;
-use crate::replay::tests::steady_turn;
+use crate::aiding::calibration::{CALIBRATION, CalibrationVector};
+use crate::testing::*;
 
 const OWN: usize = DIM;
 

@@ -1,12 +1,7 @@
 //! The backward pass by hand, against a dense batch solution, and after a replay.
 
 use super::*;
-use crate::filter::options::Options;
-use crate::layout::DVL_BIAS;
-use crate::navigator::METHODS;
-use crate::replay::replay;
-use crate::replay::tests::steady_turn;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use crate::testing::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};

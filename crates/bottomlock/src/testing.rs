@@ -1,0 +1,36 @@
+//! The names that most unit tests use.
+
+pub(crate) use crate::aiding::attitude::{MagnetometerModel, attitude};
+pub(crate) use crate::aiding::calibration::CalibrationPrior;
+pub(crate) use crate::aiding::current_layers::{LayerVector, Water};
+pub(crate) use crate::aiding::depth::{DepthModel, depth};
+pub(crate) use crate::aiding::further::block;
+pub(crate) use crate::aiding::heading::{HeadingModel, heading};
+pub(crate) use crate::aiding::motion_prior::MotionPrior;
+pub(crate) use crate::aiding::position::position;
+pub(crate) use crate::aiding::registry::{Sensor, SensorKind};
+pub(crate) use crate::aiding::sensor::{SlowSd, TimeConstant, WalkTime, WavePeriod};
+pub(crate) use crate::aiding::thrust::{ThrustModel, ThrustSample, ThrustUse};
+pub(crate) use crate::aiding::velocity::velocity;
+pub(crate) use crate::aiding::water::{CURRENT, WATER, WaterPrior, WaterVector};
+pub(crate) use crate::aiding::{Innovation, MAX_ROWS, Motion, beam_terms, tightly_coupled};
+pub(crate) use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+pub(crate) use crate::dvl::partial::{Assumptions, BeamNoise, PartialMethod, fix_estimator};
+pub(crate) use crate::earth::{Earth, EarthModel, Environment, LocalLevel};
+pub(crate) use crate::filter::Eskf;
+pub(crate) use crate::filter::gate::Gate;
+pub(crate) use crate::filter::options::Options;
+pub(crate) use crate::filter::report::Verdict;
+pub(crate) use crate::filter::water_block::WaterBlock;
+pub(crate) use crate::frames::{Platform, Rot, Tangent, Vec3};
+pub(crate) use crate::layout::{ATTITUDE, DIM, DVL_BIAS, POSITION, VELOCITY};
+pub(crate) use crate::mechanisation::ImuSample;
+pub(crate) use crate::model::Model;
+pub(crate) use crate::navigator::events::{DepthSample, Event};
+pub(crate) use crate::navigator::{METHODS, Method, Navigator};
+pub(crate) use crate::random::Normals;
+pub(crate) use crate::replay::replay;
+pub(crate) use crate::replay::tests::steady_turn;
+pub(crate) use crate::simd::on_every_level;
+pub(crate) use crate::state::{Covariance, ErrorVector, NavState};
+pub(crate) use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
