@@ -105,7 +105,7 @@ def test_bottom_and_water_of_an_ensemble(frame: int) -> None:
     assert water.valid.sum(axis=1).tolist() == [4, 0]
     assert recording.facts["coordinates"] == pd0.FRAMES[frame]
     assert recording.geometry == "teledyne_20"
-    assert any("recovered" in line for line in recording.corrected)
+    assert any("recovered" in line for line in recording.notes)
 
 
 @pytest.mark.parametrize("name", ["pd0_ooi_glider/LA101636.PD0", "pd0_nortek_mhkit/winriver02_transect.PD0"])

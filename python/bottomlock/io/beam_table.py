@@ -304,10 +304,9 @@ class Recording:
         clock: epoch and source of `time_ns`.
         time_of: "validity", "transmission", "record" or "arrival".
         quality: meaning of the column of that name, "" where the format has none.
-        corrected: changes of sign and unit by the reader, a sentence each.
         geometry: packaged geometry of the instrument, "" where the record does not identify it.
         resolution_mps: step between the beam velocities that a record can hold; 0 where it holds floats.
-        notes: remarks on this file for the user, a sentence each.
+        notes: changes of sign and unit by the reader, and remarks on this file, a sentence each.
         facts: recorded properties of the instrument (firmware, beam angle, serial number), unchanged.
         water: what the water returned, None where the records hold none.
         format: name of the format, as `bottomlock convert --format` takes it.
@@ -319,7 +318,6 @@ class Recording:
     clock: str
     time_of: str
     quality: str = ""
-    corrected: Sequence[str] = ()
     geometry: str = ""
     resolution_mps: float = 0.0
     notes: Sequence[str] = ()
@@ -337,7 +335,6 @@ class Recording:
             "clock": self.clock,
             "time_of": self.time_of,
             "quality": self.quality,
-            "corrected": list(self.corrected),
             "geometry": self.geometry,
             "resolution_mps": self.resolution_mps,
             "notes": list(self.notes),

@@ -129,9 +129,9 @@ class _Dvl75(SentenceDecoder):
         return replace(
             self.tables("$DVEXT sentence", _CHANNELS),
             clock="sum of intervals",
-            corrected=["velocity up of the instrument negated to one down"],
             resolution_mps=1e-4,
             notes=[
+                "velocity up of the instrument negated to one down",
                 "the sentences carry no clock: time is the sum of their intervals, and starts at zero",
                 "the instrument's own velocity is north, east, down by its own attitude",
                 UNSURE,

@@ -5,6 +5,7 @@ A decoder is given bytes in any pieces, and its rows depend on the bytes alone, 
 whole.
 """
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import BLOCK, Binary, Framing, blocks
+from bottomlock.io.binary_records import BLOCK, Binary, Framing
 from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
@@ -103,6 +104,13 @@ class Row:
     def beams(self) -> int:
         """Number of beams, to the last that is there where each has a record."""
         return max(self.there, default=len(self.velocity))
+
+    def of_axes(self, axes: list[float], **extra: float) -> "Row":
+        """The ping without its beams and water, with the instrument's velocity (3,), and further columns."""
+        return replace(
+            self, velocity=[], valid=[], range_m=[], quality=[], cells=None,
+            instrument=axes, verdict=int(all(map(math.isfinite, axes))), extra=self.extra | extra,
+        )  # fmt: skip
 
 
 class Taken(NamedTuple):
@@ -418,7 +426,7 @@ class Format:
             DataError: where no record is a ping, with what there was.
         """
         decoder = self.decoder(place, options, MOST_BEAMS)
-        for at in blocks(len(data)):
+        for at in range(0, len(data), BLOCK):
             decoder.feed(data[at : at + BLOCK])
         decoder.close()
         return replace(decoder.recording(), format=self.name)

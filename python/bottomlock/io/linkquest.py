@@ -65,12 +65,10 @@ class _Decoder(TableDecoder):
         return replace(
             self.tables("ping of a LinkQuest NavQuest", _BEAMS),
             clock="the logging host's, nanoseconds since 1970 (header.stamp)",
-            corrected=[
-                "beam velocities negated: recorded positive upwards",
-                "instrument velocity (x, y, z up) to (x, -y, -z)",
-            ],
             geometry="linkquest_navquest",
             notes=[
+                "beam velocities negated: recorded positive upwards",
+                "instrument velocity (x, y, z up) to (x, -y, -z)",
                 "a lost beam reads 0 m/s and is kept so, with its flag; its altitude is often 0 too, and then none",
                 "range is the record's altitude of the beam, as it stands",
             ],

@@ -194,10 +194,10 @@ class _Decoder(SentenceDecoder):
         return replace(
             self.tables("beam line $PNORBT0 or $PNORBT1", beams),
             clock="the instrument's, UTC if it was set so",
-            corrected=["distance is vertical: divided by the cosine of 25 deg to lie along the beam"],
             geometry="nortek_dvl1000" if beams == MOST_BEAMS else "",
             resolution_mps=1e-5,
             notes=[
+                "distance is vertical: divided by the cosine of 25 deg to lie along the beam",
                 "the sentence carries no velocity of the instrument's own",
                 "time is that of the sentence; beam1_delay_s ... hold its DT1, trigger to centre of echo",
                 UNSURE,

@@ -224,12 +224,10 @@ class _Decoder(RecordTracks):
         return replace(
             found,
             clock="the instrument's, UTC if it was set so",
-            corrected=[
-                "distance is vertical: divided by the cosine of 25 deg to lie along the beam",
-                "instrument z is the mean of z1 and z2 where both are valid",
-            ],
             geometry="nortek_dvl1000",
             notes=[
+                "distance is vertical: divided by the cosine of 25 deg to lie along the beam",
+                "instrument z is the mean of z1 and z2 where both are valid",
                 "time is that of the record; beam1_delay_s ... hold its DT1, trigger to centre of echo",
                 *found.notes,
             ],

@@ -248,20 +248,18 @@ class _Decoder(RecordDecoder):
             notes.append(
                 "instrument axes (y towards beam 3, x towards beam 2) are taken as forward and starboard"
             )
-        corrected = []
         if use:
             notes.append("no beam velocities: the table holds the instrument's velocity alone")
-            corrected.append(
+            notes.append(
                 f"{FRAMES[use]} axes (starboard or east, forward or north, up) of the bottom to those of the vehicle"
             )
         elif self._recovered:
-            corrected.append("beams recovered from axes and error velocity, of solutions of four beams")
+            notes.append("beams recovered from axes and error velocity, of solutions of four beams")
         return replace(
             found,
             frame=("none", "frd", "frd", "ned")[use],
             clock="the instrument's real-time clock",
             quality="" if use else "correlation, counts 0 to 255",
-            corrected=corrected,
             geometry=f"teledyne_{angle}" if not use and angle in {20, 30} and not up else "",
             resolution_mps=resolution_mps,
             notes=notes,
@@ -276,18 +274,7 @@ def _own(row: Row) -> Row:
     sign.
     """
     across, ahead, up, error = row.velocity
-    axes = [-ahead, -across, up]
-    return replace(
-        row,
-        velocity=[],
-        valid=[],
-        range_m=[],
-        quality=[],
-        instrument=axes,
-        verdict=int(np.isfinite(axes).all()),
-        extra=row.extra | {"error_velocity_mps": error},
-        cells=None,
-    )
+    return row.of_axes([-ahead, -across, up], error_velocity_mps=error)
 
 
 def _beams(velocity: object, fixed: bytes, tilt_rad: float, hpr_rad: list[float]) -> Floats:

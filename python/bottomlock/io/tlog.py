@@ -26,7 +26,6 @@ from bottomlock.io.log_stream import (
     finish,
     velocity_of_displacements,
 )
-from bottomlock.io.progress import sparse_reporter
 from bottomlock.libraries import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -77,14 +76,6 @@ def _scaled_imu(m: Any) -> _Values:  # noqa: ANN401
     return (*(_MRADPS * w for w in gyro), *(_MG * f for f in acc))
 
 
-def _fixed(m: Any) -> _Values | None:  # noqa: ANN401
-    return (m.lat / 1e7, m.lon / 1e7, m.alt / 1e3) if m.fix_type >= _FIX_3D else None
-
-
-def _odometry(m: Any) -> _Values | None:  # noqa: ANN401
-    return (m.vx, m.vy, m.vz) if m.child_frame_id == _BODY_FRD else None
-
-
 MESSAGES: dict[str, Message] = {
     "HIGHRES_IMU": Message(_USEC, _IMU, lambda m: (m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc)),
     "RAW_IMU": Message(_USEC, _IMU, _scaled_imu),
@@ -96,7 +87,10 @@ MESSAGES: dict[str, Message] = {
         for k in ("", "2", "3")
     },
     **{
-        name: Message(_USEC, ("latitude_deg", "longitude_deg", "height_m"), _fixed)
+        name: Message(
+            _USEC, ("latitude_deg", "longitude_deg", "height_m"),
+            lambda m: (m.lat / 1e7, m.lon / 1e7, m.alt / 1e3) if m.fix_type >= _FIX_3D else None,
+        )
         for name in ("GPS_RAW_INT", "GPS2_RAW")
     },
     "GLOBAL_POSITION_INT": Message(
@@ -119,7 +113,10 @@ MESSAGES: dict[str, Message] = {
         lambda m: (m.time_delta_usec * 1e-6, *m.position_delta, m.confidence),
     ),
     "VISION_SPEED_ESTIMATE": Message(("usec", 1), ("x_mps", "y_mps", "z_mps"), lambda m: (m.x, m.y, m.z)),
-    "ODOMETRY": Message(_USEC, ("surge_mps", "sway_mps", "heave_mps"), _odometry),
+    "ODOMETRY": Message(
+        _USEC, ("surge_mps", "sway_mps", "heave_mps"),
+        lambda m: (m.vx, m.vy, m.vz) if m.child_frame_id == _BODY_FRD else None,
+    ),
 }  # fmt: skip
 """What is read, of a log and of a stream, by name."""
 
@@ -205,7 +202,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
     found: dict[tuple[_Source, str], _Read] = {}
     vehicles: set[int] = set()
-    at, size, reached = 0, len(data), sparse_reporter()
+    at, size = 0, len(data)
     while at < size:
         end = _end(data, at)
         if end is None or end > size:
@@ -241,7 +238,6 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
         else:
             account.pass_by("messages of other kinds", at)
         at = end
-        reached(at)
     return {key: one for key, one in found.items() if one.values}, vehicles
 
 

@@ -110,7 +110,7 @@ class _Decoder(RecordDecoder):
             )
         rows = self._of(self.rows, use)
         if use:
-            rows = [_own(row) for row in rows]
+            rows = [row.of_axes(row.velocity[:3]) for row in rows]
         return replace(
             self.tables("data packet of a Wayfinder", 0 if use else _BEAMS, rows),
             frame=_FRAMES[use & 3] if use else "none",
@@ -123,14 +123,6 @@ class _Decoder(RecordDecoder):
             ],
             facts={"coordinates": _FRAMES[use & 3], "beam_angle_deg": 30},
         )
-
-
-def _own(row: Row) -> Row:
-    """A ping in axes, without beams."""
-    axes = row.velocity[:3]
-    return replace(
-        row, velocity=[], valid=[], range_m=[], instrument=axes, verdict=int(np.isfinite(axes).all())
-    )
 
 
 FORMAT = Format(
