@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -18,21 +16,6 @@ VELOCITY = np.array([2.0, 0.1, -0.2])
 def fix(mask: tuple[int, ...]) -> VelocityFixes:
     beams = JANUS.beam_velocities([VELOCITY])
     return solve_velocity(JANUS, beams, [np.array(mask, dtype=bool)], method="info", beam_sd_mps=0.02)
-
-
-def navigation(**changes: object) -> Estimate:
-    joint = np.diag([1.0, 1.0, 1.0, 1e-6, 1e-6, 1e-4, 1e-4, 4e-4, 1e-4])
-    settings: dict[str, Any] = {
-        "time_ns": 1_000_000_000,
-        "mode": "navigation",
-        "velocity_p_mps": VELOCITY,
-        "covariance_m2ps2": joint[6:, 6:],
-        "rank": 3,
-        "attitude_t_p": [1.0, 0.0, 0.0, 0.0],
-        "position_t_m": [1.0, 2.0, 3.0],
-        "navigation_covariance": joint,
-    }
-    return Estimate(**(settings | changes))
 
 
 @pytest.mark.parametrize(

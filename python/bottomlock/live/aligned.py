@@ -196,20 +196,16 @@ class Alignment:
     def _mean_force(self) -> Floats:
         return np.asarray(self._sum_mps2 / len(self._readings))
 
-    @property
-    def _position_m(self) -> tuple[float, float, float]:
-        north, east, down = self._start.position_m
-        if self.depth_m is None or "position_m" in self._start.model_fields_set:
-            return north, east, down
-        return north, east, self.depth_m
-
     def state(self) -> InitialState:
         """The state at the last reading, once `waiting_for` is empty."""
         start, time_ns = self._start, self._time_ns
         measured = self._velocity_at(time_ns) if start.velocity == "beams" else None
+        north, east, down = start.position_m
+        if self.depth_m is not None and "position_m" not in start.model_fields_set:
+            down = self.depth_m
         return InitialState(
             time_ns=time_ns,
-            position_t_m=self._position_m,
+            position_t_m=(north, east, down),
             attitude_t_p=self._attitude_t_p(),
             velocity_p_mps=start.velocity_mps if measured is None else tuple(measured.tolist()),
         )

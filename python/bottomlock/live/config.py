@@ -36,7 +36,7 @@ from bottomlock.ports.mavlink import MAX_RATE_HZ, MavlinkPort
 from bottomlock.ports.port import Port
 from bottomlock.ports.registry import PORTS
 from bottomlock.ports.registry import port as make_port
-from bottomlock.recordings.sensors import ATTITUDE, DEPTH, SENSORS, WATER_TRACK, Sensor
+from bottomlock.recordings.sensors import ATTITUDE, DEPTH, SENSORS, WATER_TRACK
 
 
 class LiveConfig(NavigatorConfig):
@@ -132,8 +132,10 @@ class LiveConfig(NavigatorConfig):
                 raise ValueError(f"a source has format '{given[0]}', which needs the section [{key}]")
         for sensor in SENSORS:
             # A pressure may come by a source that is switched on later; an attitude is that of one source.
-            if sensor not in {DEPTH, ATTITUDE, WATER_TRACK} and getattr(self, sensor.name) is not None:
-                self._has_source(sensor)
+            is_given = sensor not in {DEPTH, ATTITUDE, WATER_TRACK} and getattr(self, sensor.name) is not None
+            if is_given and not self.sources_of(sensor.name, mavlink=sensor.mavlink):
+                other = ' or "mavlink"' if sensor.mavlink else ""
+                raise ValueError(f"[{sensor.name}] needs a source with format {_named(sensor.name)}{other}")
         require_one_drive(self.thrust, self.effort)
         if self.attitude is not None:
             self._attitude_is_one(self.attitude)
@@ -143,11 +145,6 @@ class LiveConfig(NavigatorConfig):
                 f"states.rejected_pings is {self.states.rejected_pings}, and the gate opens again at rejection "
                 f"{reopens} (filter.inflate_after_rejections): expected less, or the state would never say so"
             )
-
-    def _has_source(self, sensor: Sensor) -> None:
-        if not self.sources_of(sensor.name, mavlink=sensor.mavlink):
-            other = ' or "mavlink"' if sensor.mavlink else ""
-            raise ValueError(f"[{sensor.name}] needs a source with format {_named(sensor.name)}{other}")
 
     def _attitude_is_one(self, attitude: AttitudeSection) -> None:
         """One sensor has one mounting and one slow error."""
@@ -240,22 +237,13 @@ class LiveConfig(NavigatorConfig):
         self.dvl.errors.kernel_model(float(instrument.beam_sd_mps.max()), instrument.calibration)
         if self.mode == "navigation":
             kernel_settings(self, instrument)
-            self._begins_somewhere()
+            assert self.start is not None  # validated
+            # Refuses a place and a velocity that no vehicle has.
+            InitialState(
+                time_ns=0, attitude_t_p=(1.0, 0.0, 0.0, 0.0), position_t_m=self.start.position_m,
+                velocity_p_mps=self.start.velocity_mps,
+            )  # fmt: skip
         return self
-
-    def _begins_somewhere(self) -> None:
-        """Checks the place and the velocity of the start.
-
-        Raises:
-            KernelError: for one that no vehicle has.
-        """
-        assert self.start is not None  # validated
-        InitialState(
-            time_ns=0,
-            attitude_t_p=(1.0, 0.0, 0.0, 0.0),
-            position_t_m=self.start.position_m,
-            velocity_p_mps=self.start.velocity_mps,
-        )
 
 
 _NAVIGATES = ("imu", "origin", "start")

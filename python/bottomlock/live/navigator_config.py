@@ -18,7 +18,6 @@ from bottomlock.io.beams import Instrument, read_geometry, read_instrument_file
 from bottomlock.kernel import KernelError, models, normal_gravity_mps2
 from bottomlock.live.sections import (
     LEVELLING_SD_DEG,
-    AttitudeSection,
     ImuFromAttitude,
     ImuSection,
     LiveSections,
@@ -202,13 +201,15 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     latitude = units.rad_from_deg(origin.latitude_deg)
     gravity = normal_gravity_mps2(latitude) if origin.gravity == "normal" else float(origin.gravity)
     sensors, added = of_kernel(config)
+    # A motion made from attitudes has their errors.
+    gyro_noise_rad_rts = 0.0 if config.attitude is None else config.attitude.gyro_noise_rad_rts
     model = models.Model(
         environment=models.Environment(
             latitude_rad=latitude,
             gravity_mps2=WEIGHTLESS_MPS2 if isinstance(imu, ImuFromAttitude) else gravity,
             earth=origin.earth,
         ),
-        imu=_imu_model(imu, config.attitude),
+        imu=imu.kernel_model() if isinstance(imu, ImuSection) else imu.kernel_model(0.0, gyro_noise_rad_rts),
         dvl=config.dvl.errors.kernel_model(float(instrument.beam_sd_mps.mean()), instrument.calibration),
         initial=config.initial(),
         **sensors,
@@ -224,11 +225,3 @@ def kernel_settings(config: NavigatorConfig, instrument: Instrument) -> KernelSe
     if isinstance(imu, ImuSection):
         axes = matrix(np.array(quaternion(*imu.mounting_rpy_rad))) @ permute_axes(np.eye(3), imu.axes).T
     return KernelSettings(model, options, axes, gravity)
-
-
-def _imu_model(imu: ImuSection | ImuFromAttitude, attitude: AttitudeSection | None) -> models.ImuModel:
-    """The errors of inertial readings, or of a motion made from attitudes."""
-    if isinstance(imu, ImuSection):
-        return imu.kernel_model()
-    assert attitude is not None  # validated in LiveConfig
-    return imu.kernel_model(0.0, attitude.gyro_noise_rad_rts)

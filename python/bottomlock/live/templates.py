@@ -246,7 +246,8 @@ def template(instrument: str, autopilot: str, vehicle: dict[str, Any] | None = N
         "".join(f"# {note}\n" for note in one.notes if vehicle is None) for one in (dvl, receiver)
     )
     values |= {"request": f"request_hz = {IMU_HZ}\n" if values["request"] else ""}
-    values |= {key: _quoted(values[key]) for key in ("name", "address", "imu", "to")}
+    # A string of TOML is one of JSON, which escapes the same characters.
+    values |= {key: json.dumps(values[key], ensure_ascii=False) for key in ("name", "address", "imu", "to")}
     text = _DVL.format(
         **values, noise=dvl.beam_noise_mps, form=dvl.format, rate=dvl.rate_hz, dvl_notes=dvl_notes
     )
@@ -257,11 +258,6 @@ def template(instrument: str, autopilot: str, vehicle: dict[str, Any] | None = N
     text += "".join(_PORT.format(**values, port=port, settings="") for port in values["ports"])
     log = "" if values["logs"] is None else _LOG.format(folder=values["logs"])
     return text + _TAIL.format(**values, notes=notes, log=log)
-
-
-def _quoted(text: str) -> str:
-    """A string of TOML: JSON's, which escapes the same characters."""
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _named(what: str, name: str, known: dict[str, _T]) -> _T:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from bottomlock.ports.estimate import Estimate, Floats
+from bottomlock.ports.estimate import Estimate
 from bottomlock.ports.over_bound import diagonal_bound, single_at_least
 from bottomlock.ports.port import Port
 from bottomlock.units import ns_from_s
@@ -65,18 +65,12 @@ class MicroStrain(Port):
             return None
         return f"the beams determine {estimate.rank} of 3 axes, and none along a platform axis"
 
-    def _variances(self, estimate: Estimate) -> Floats:
-        """(3,) over-bound of the axes that are sent; NaN for the others."""
-        there = self._axes(estimate)
-        variances = np.full(3, np.nan)
-        variances[there] = diagonal_bound(estimate.covariance_m2ps2[np.ix_(there, there)])
-        return variances
-
     def _message(self, estimate: Estimate) -> bytes:
-        variances = self._variances(estimate).tolist()
-        there = [math.isfinite(variance) for variance in variances]
-        velocity = [v if ok else 0.0 for v, ok in zip(estimate.velocity_p_mps.tolist(), there, strict=True)]
-        sd = [single_at_least(math.sqrt(v)) if ok else 0.0 for v, ok in zip(variances, there, strict=True)]
+        there = self._axes(estimate)
+        variances = np.zeros(3)
+        variances[there] = diagonal_bound(estimate.covariance_m2ps2[np.ix_(there, there)])
+        velocity = np.where(there, estimate.velocity_p_mps, 0.0).tolist()
+        sd = [single_at_least(math.sqrt(variance)) for variance in variances.tolist()]
         time_ns = estimate.time_ns + ns_from_s(self.time_offset_s)
         if self.latency_s is not None:
             time_ns = ns_from_s(self.latency_s)

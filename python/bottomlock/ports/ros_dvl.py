@@ -61,7 +61,9 @@ class RosDvl(Port):
     def _message(self, estimate: Estimate) -> bytes:
         beams = estimate.beams
         assert beams is not None
-        course_speed = self._over_ground(estimate)
+        # Course and speed of the message's own x and y, as the makers' drivers fill them; NaN without both.
+        x, y, _ = estimate.velocity_p_mps.tolist()
+        course_speed = math.atan2(y, x), math.hypot(x, y)
         writer = CdrWriter()
         writer.header(estimate.time_ns, self.frame_id)
         writer.uint8(_BOTTOM, 0)
@@ -81,12 +83,6 @@ class RosDvl(Port):
         writer.float32(*beams.velocity_mps.tolist())
         writer.float32(*np.where(beams.valid, beams.sd_mps**2, _UNKNOWN).tolist())
         return bytes(writer)
-
-    @staticmethod
-    def _over_ground(estimate: Estimate) -> tuple[float, float]:
-        """Course (rad) and speed of the message's own x and y, as the makers' drivers fill them; NaN without both."""
-        x, y, _ = estimate.velocity_p_mps.tolist()
-        return math.atan2(y, x), math.hypot(x, y)
 
 
 def altitude_m(beams: Ping, directions_p: Floats) -> float:

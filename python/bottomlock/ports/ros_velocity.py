@@ -131,14 +131,6 @@ class RosVelocity(RosTwist):
 ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def pose_enu_flu(estimate: Estimate) -> tuple[Floats, Floats]:
-    """Position (3,) east, north, up, m, and unit quaternion (4,), scalar first, forward-left-up to east-north-up."""
-    assert estimate.position_t_m is not None  # of mode navigation
-    assert estimate.attitude_t_p is not None
-    attitude = product(product(QUATERNION_ENU_NED, estimate.attitude_t_p), QUATERNION_FLU_FRD)
-    return ENU_FROM_NED @ estimate.position_t_m, attitude if attitude[0] >= 0.0 else -attitude
-
-
 class PosePort(Port):
     """Base of the messages with a pose (mode navigation)."""
 
@@ -154,8 +146,11 @@ class PosePort(Port):
 
     def _put_pose(self, writer: CdrWriter, estimate: Estimate) -> None:
         """Header, name of the body's frame, position and `geometry_msgs/Quaternion`, scalar last."""
-        position, attitude = pose_enu_flu(estimate)
-        w, x, y, z = attitude.tolist()
+        assert estimate.position_t_m is not None  # of mode navigation
+        assert estimate.attitude_t_p is not None
+        attitude = product(product(QUATERNION_ENU_NED, estimate.attitude_t_p), QUATERNION_FLU_FRD)
+        w, x, y, z = (attitude if attitude[0] >= 0.0 else -attitude).tolist()
+        position = ENU_FROM_NED @ estimate.position_t_m
         writer.header(estimate.time_ns, self.frame_id)
         writer.string(self.child_frame_id)
         writer.float64(*(position + 0.0).tolist(), x, y, z, w)
