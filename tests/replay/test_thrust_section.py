@@ -1,4 +1,4 @@
-"""Revolutions of the propeller in a replay: dives in a current with the bottom hidden, the section's keys, the page."""
+"""Drives in a replay, by revolutions or forces: what reaches the filter, how it fits, the sections' keys."""
 
 from pathlib import Path
 from typing import Any
@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bottomlock.errors import DataError
-from bottomlock.files.replay_tables import ReplayTables
+from bottomlock.errors import DataError, Note, ScenarioError
 from bottomlock.kernel.models import ThrustModel
+from bottomlock.recordings.drives import SpeedByForces
+from bottomlock.recordings.readings import EffortReading
 from bottomlock.recordings.streams import Floats
 from bottomlock.replay.case import load_case
 from bottomlock.replay.reading import read_streams
@@ -23,16 +24,32 @@ from tests.replay.test_water_track import CURRENT, end_m, write
 from tests.replay.undiagnosed import replay_undiagnosed
 
 ADVANCE_M, SLIP_MPS, SLIP_TIME_S, NOISE_MPS = 0.1, 0.02, 5.0, 0.01
-SECTION = """[thrust]
+MASS, LIGHT_N = np.array([20.0, 21.0, 32.0]), 2.4
+LINEAR, QUADRATIC = np.array([14.0, 5.0, 33.0]), np.array([141.0, 217.0, 190.0])
+NOISE_N = 1.0
+THRUST = """[thrust]
 file = "shaft.csv"
 clock = { column = "time" }
 column = "rpm"
 unit = "rpm"
 advance_m = 0.1
 """
+EFFORT = """[effort]
+file = "thrusters.csv"
+clock = { column = "time" }
+force = ["x", "y", "z"]
+mass_kg = [20.0, 21.0, 32.0]
+linear_drag_kg_per_s = [14.0, 5.0, 33.0]
+quadratic_drag_kg_per_m = [141.0, 217.0, 190.0]
+buoyancy_n = 2.4
+"""
 BARE = WATER_CASE.replace("[water_track]\nnoise_mps = 0.02\n", "").replace('"ins", "tc"', '"tc"')
-CASE = BARE.replace("[reference]", f"{SECTION}[reference]")
 SEEDS = tuple(range(1, 11))
+
+
+def with_section(section: str) -> str:
+    """The case with a section of a drive."""
+    return BARE.replace("[reference]", f"{section}[reference]")
 
 
 def revolutions_of(dive: Dive, seed: int = 1) -> tuple[Floats, Floats]:
@@ -45,42 +62,70 @@ def revolutions_of(dive: Dive, seed: int = 1) -> tuple[Floats, Floats]:
     return seconds, (through - slip - NOISE_MPS * rng.normal(size=len(seconds))) / ADVANCE_M
 
 
-def write_dive(folder: Path, dive: Dive, text: str = CASE, seed: int = 1) -> Path:
-    """The tables of a dive with those of its shaft; returns the case's path."""
+def forces_of(dive: Dive, seed: int) -> tuple[Floats, Floats]:
+    """Times, s, and forces, N, that the true motion takes, axis by axis, with slip and noise of their own."""
+    t, rng = dive.imu_s, np.random.default_rng(seed)
+    turned = Rotation.from_euler("ZYX", np.unwrap(dive.rpy, axis=0)[:, ::-1])
+    u = dive.velocity - turned.inv().apply(CURRENT)
+    rate = np.gradient(np.unwrap(dive.rpy, axis=0), t, axis=0)
+    roll, pitch, _ = dive.rpy.T
+    # Angular rate of Euler angles (Groves 2013, Eq. 2.58).
+    omega = np.stack(
+        [
+            rate[:, 0] - np.sin(pitch) * rate[:, 2],
+            np.cos(roll) * rate[:, 1] + np.sin(roll) * np.cos(pitch) * rate[:, 2],
+            -np.sin(roll) * rate[:, 1] + np.cos(roll) * np.cos(pitch) * rate[:, 2],
+        ],
+        axis=1,
+    )
+    accelerating = MASS * np.gradient(u, t, axis=0) + np.cross(omega, MASS * u)
+    seconds = np.arange(0.55, t[-1] - 0.5, 0.5)
+    count = len(seconds)
+    slip = gauss_markov(SLIP_MPS * rng.normal(size=(count, 3)), 0.5, SLIP_TIME_S)
+    by_thrusters = dive.at(seconds, u) - slip
+    drag = LINEAR * by_thrusters + QUADRATIC * np.abs(by_thrusters) * by_thrusters
+    down_p = turned.inv().apply([0.0, 0.0, 1.0])
+    held = dive.at(seconds, accelerating + LIGHT_N * down_p)
+    return seconds, drag + held + NOISE_N * rng.normal(size=(count, 3))
+
+
+def write_dive(folder: Path, dive: Dive, seed: int = 1) -> Path:
+    """The tables of a dive with those of its shaft and its thrusters; returns the case's path."""
     path = write(folder, dive)
     seconds, turns = revolutions_of(dive, seed)
     columns = {"time": seconds, "rpm": 60.0 * turns, "hz": turns, "rad_s": 2.0 * np.pi * turns}
     spiked = np.where(np.arange(len(turns)) == 19, 1e9, columns["rpm"])
     write_csv(folder / "shaft.csv", columns | {"still": 0.0 * turns, "spiked": spiked})
-    path.write_text(text, encoding="utf-8")
+    seconds, force_n = forces_of(dive, seed)
+    columns = {"time": seconds, **dict(zip("xyz", force_n.T, strict=True))}
+    spiked = np.where(np.arange(len(seconds)) == 20, 1e6, force_n[:, 0])
+    others = {"still": 0.0 * seconds, "many": 1e4 * force_n[:, 0], "spiked": spiked}
+    write_csv(folder / "thrusters.csv", columns | others)
     return path
 
 
 @pytest.fixture(scope="module")
 def case_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_dive(tmp_path_factory.mktemp("thrust"), drawn_dive(7, seconds=210.0))
+    return write_dive(tmp_path_factory.mktemp("drives"), drawn_dive(7, seconds=210.0))
 
 
-@pytest.fixture(scope="module")
-def replayed(case_file: Path) -> ReplayTables:
-    return replay_case(load_case(case_file))
+def saved(case_file: Path, text: str) -> Path:
+    """Another case of the same tables."""
+    path = case_file.with_name("other.toml")
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
     """(10, 2) errors of `tc` and their sigma, m, after 140 s without the bottom, of ten dives."""
-    sections = {
-        "without": "",
-        "velocity": SECTION,
-        "all": f'{SECTION}corrects = "all"\n',
-    }
+    sections = {"without": "", "velocity": THRUST, "all": f'{THRUST}corrects = "all"\n'}
     folder = tmp_path_factory.mktemp("dives")
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in sections}
     for seed in SEEDS:
-        path = write_dive(folder, drawn_dive(seed, seconds=210.0), seed=seed)
+        path = write_dive(folder, drawn_dive(seed, seconds=210.0), seed)
         for name, section in sections.items():
-            text = BARE.replace('"tc", "sway_current"', '"tc"')
-            path.write_text(text.replace("[reference]", f"{section}[reference]"), encoding="utf-8")
+            path.write_text(with_section(section).replace('"tc", "sway_current"', '"tc"'), encoding="utf-8")
             result = replay_undiagnosed(load_case(path))
             last = result.samples.filter(what_if="hidden").tail(1)
             sd = last.select("sd_position_north_m", "sd_position_east_m").to_numpy()
@@ -106,11 +151,9 @@ def test_factors_of_the_page(
 @pytest.mark.parametrize(("unit", "column"), [("rpm", "rpm"), ("Hz", "hz"), ("rad/s", "rad_s")])
 def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: str, column: str) -> None:
     """A second, on the clock of the case, in every unit; every second row where the section says so."""
-    path = case_file.with_name(f"{column}.toml")
-    section = SECTION.replace('"rpm"\nunit = "rpm"', f'"{column}"\nunit = "{unit}"\nevery = 2')
+    section = THRUST.replace('"rpm"\nunit = "rpm"', f'"{column}"\nunit = "{unit}"\nevery = 2')
     section = section.replace('{ column = "time" }', '{ column = "time", offset_s = 2.5 }')
-    path.write_text(CASE.replace(SECTION, section), encoding="utf-8")
-    case = load_case(path)
+    case = load_case(saved(case_file, with_section(section)))
     streams = read_streams(case)
     seconds, turns = revolutions_of(drawn_dive(7, seconds=210.0))
     assert "thrust" in streams.aiding
@@ -125,61 +168,115 @@ def test_the_revolutions_given_are_those_of_the_section(case_file: Path, unit: s
     np.testing.assert_array_equal(log["thrust_speed_p_mps"].T, [ahead_mps, 0.0 * ahead_mps, 0.0 * ahead_mps])
 
 
-def test_model_and_option_are_those_of_the_section(case_file: Path) -> None:
-    path = case_file.with_name("keys.toml")
-    keys = (
-        'uncertainty_percent = 5.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_mps = 0.04\ncorrects = "all"\n'
-    )
-    path.write_text(CASE.replace(SECTION, SECTION + keys), encoding="utf-8")
-    case = load_case(path)
-    prepared = prepare(case, read_streams(case))
+def test_the_forces_given_are_those_of_the_section(case_file: Path) -> None:
+    """On the clock of the case, as speeds; model and option are those of the keys."""
+    keys = "uncertainty_percent = 5.0\nslip_mps = 0.03\nslip_time_s = 8.0\nnoise_mps = 0.02\n"
+    keys += 'lever_arm_m = [0.1, 0.0, -0.2]\ncorrects = "all"\n'
+    section = (EFFORT + keys).replace('{ column = "time" }', '{ column = "time", offset_s = 2.5 }')
+    case = load_case(saved(case_file, with_section(section)))
+    streams = read_streams(case)
+    seconds, force_n = forces_of(drawn_dive(7, seconds=210.0), 1)
+    stream = streams.aiding["effort"]
+    np.testing.assert_allclose(stream.force_p_n, force_n, atol=1e-8)
+    np.testing.assert_allclose(stream.time_ns * 1e-9, seconds + 2.5, atol=1e-9)
+    prepared = prepare(case, streams)
+    log = kernel_log(case, prepared, streams.beams.valid[prepared.pings])
+    end = int(np.searchsorted(stream.time_ns, log["imu_time_ns"][-1] + 1))
+    np.testing.assert_array_equal(log["thrust_time_ns"], stream.time_ns[:end])
+    assert case.effort is not None
+    hull = SpeedByForces(case.effort)
+    last = np.searchsorted(log["imu_time_ns"], stream.time_ns[:end], side="right") - 1
+    rows = zip(stream.time_ns.tolist(), stream.force_p_n.tolist(), log["omega_p_radps"][last], strict=False)
+    speeds = [hull(EffortReading(time_ns, tuple(force)), omega).speed_p_mps for time_ns, force, omega in rows]
+    np.testing.assert_array_equal(log["thrust_speed_p_mps"], speeds)
     assert prepared.model.thrust == ThrustModel(
-        scale_sd=(0.05, 0.0, 0.0), slip_sd_mps=(0.03, 0.0, 0.0), slip_time_s=8.0, noise_sd_mps=0.04
+        scale_sd=(0.05,) * 3, slip_sd_mps=(0.03,) * 3, slip_time_s=8.0, noise_sd_mps=0.02
     )
     assert prepared.options.thrust == "all"
-
-
-def test_the_revolutions_fit_each_method(replayed: ReplayTables) -> None:
-    assert replayed.currents is not None
-    assert set(replayed.currents["method"]) == {"tc", "sway_current"}
-    assert set(replayed.manifest["files"]) == {"imu", "dvl", "thrust", "reference"}
-    sensors = replayed.manifest["sensors"]
-    assert set(sensors) == {"recorded", "hidden"}
-    row = next(row for row in sensors["recorded"] if (row["method"], row["sensor"]) == ("tc", "thrust_surge"))
-    # Every reading from the start to the last inertial one; chi-squared of 209 single rows, to 4 sigma.
-    assert row["measured"] == len(revolutions_of(drawn_dive(7, seconds=210.0))[0])
-    assert row["degrees"] == 1.0
-    assert abs(row["nis"] - 1.0) < 4.0 * np.sqrt(2.0 / 209.0)
-    assert row["rejected"] < 10
+    assert tuple(prepared.options.levers.thrust_p_m) == (0.1, 0.0, -0.2)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("section", "axes", "low", "high"),
     [
-        ('column = "rpm"', 'column = "rmp"', r"shaft.csv: .*'rmp'"),
-        ('"rpm"\nunit = "rpm"', '"rpm"\nunit = "Hz"',
+        # Chi-squared of 209 single rows, to 4 sigma.
+        (THRUST, ["surge"], 1.0 - 4.0 * np.sqrt(2.0 / 209.0), 1.0 + 4.0 * np.sqrt(2.0 / 209.0)),
+        # The noise of a force, 1 N, is less than 1 cm/s but near rest.
+        (EFFORT, ["surge", "sway", "heave"], 0.4, 1.0),
+    ],
+    ids=["thrust", "effort"],
+)
+def test_the_readings_fit_each_method(
+    case_file: Path, section: str, axes: list[str], low: float, high: float
+) -> None:
+    """Every reading from the start to the last inertial one, each axis a row, and the current."""
+    replayed = replay_case(load_case(saved(case_file, with_section(section))))
+    assert replayed.currents is not None
+    assert set(replayed.currents["method"]) == {"tc", "sway_current"}
+    assert set(replayed.manifest["files"]) == {"imu", "dvl", section[1:7], "reference"}
+    sensors = replayed.manifest["sensors"]
+    assert set(sensors) == {"recorded", "hidden"}
+    rows = [row for row in sensors["recorded"] if row["sensor"].startswith("thrust")]
+    assert {row["method"] for row in rows} == {"tc", "sway_current"}
+    tc = [row for row in rows if row["method"] == "tc"]
+    assert [row["sensor"] for row in tc] == [f"thrust_{axis}" for axis in axes]
+    count = len((revolutions_of if section is THRUST else forces_of)(drawn_dive(7, seconds=210.0), 1)[0])
+    assert {(row["measured"], row["degrees"]) for row in tc} == {(count, 1.0)}
+    assert sum(row["rejected"] for row in tc) < 0.04 * len(axes) * count
+    assert low < np.mean([row["nis"] for row in tc]) < high
+
+
+def test_revolutions_and_forces_are_one_or_the_other(case_file: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"\[thrust\] and \[effort\] are given, expected one of them"):
+        load_case(saved(case_file, with_section(THRUST + EFFORT)))
+
+
+@pytest.mark.parametrize(("name", "section"), [("thrust", THRUST), ("effort", EFFORT)])
+def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path, name: str, section: str) -> None:
+    case = load_case(saved(case_file, with_section(section)))
+    streams = read_streams(case)
+    found = {one.key: one.start for one in noise_of(case, streams) if one.key.startswith(f"{name}.")}
+    assert found == {f"{name}.slip_mps": 0.02, f"{name}.noise_mps": 0.01}
+    other = with_values(case, {f"{name}.slip_mps": 0.05})
+    assert getattr(other, name) == getattr(case, name).model_copy(update={"slip_mps": 0.05})
+    without: Any = case.model_copy(update={name: None})
+    assert not [one for one in noise_of(without, read_streams(without)) if one.key.startswith(f"{name}.")]
+
+
+@pytest.mark.parametrize(
+    ("section", "old", "new", "words"),
+    [
+        (THRUST, 'column = "rpm"', 'column = "rmp"', r"shaft.csv: .*'rmp'"),
+        (THRUST, '"rpm"\nunit = "rpm"', '"rpm"\nunit = "Hz"',
          "shaft.csv: column 'rpm' in Hz and thrust.advance_m = 0.1 m are .* m/s in the median, expected at most 20"),
-        ('column = "rpm"', 'column = "still"', "column 'still' is 0 in every row, expected revolutions"),
-        ('column = "rpm"', 'column = "spiked"',
+        (THRUST, 'column = "rpm"', 'column = "still"', "column 'still' is 0 in every row, expected revolutions"),
+        (THRUST, 'column = "rpm"', 'column = "spiked"',
          r"shaft.csv: column 'spiked' is 1e\+09 rpm, .*, at 19\.550000 s, the first of 1 such readings; empty"),
-        ("shaft.csv", "none.csv", "none.csv: no such file"),
+        (THRUST, "shaft.csv", "none.csv", "none.csv: no such file"),
+        (EFFORT, 'force = ["x", "y", "z"]', 'force = ["x", "y"]', r"effort\.force"),
+        (EFFORT, 'force = ["x", "y", "z"]', 'force = ["x", "y", "zed"]', "zed"),
+        (EFFORT, 'force = ["x", "y", "z"]', 'force = ["still", "still", "still"]', "are 0 in every row"),
+        (EFFORT, 'force = ["x", "y", "z"]', 'force = ["many", "y", "z"]', "check the unit of the forces"),
+        (EFFORT, 'force = ["x", "y", "z"]', 'force = ["spiked", "y", "z"]',
+         r"1e\+06 N, more .*, at 10\.550000 s, the first of 1 such"),
+        (EFFORT, "mass_kg = [20.0, 21.0, 32.0]", "mass_kg = [20.0, 0.0, 32.0]", "mass_kg of sway is 0"),
+        (EFFORT, "mass_kg = [20.0, 21.0, 32.0]", "", r"effort\.mass_kg"),
+        (EFFORT, "[14.0, 5.0, 33.0]", "[-14.0, 5.0, 33.0]", "expected >= 0"),
+        (EFFORT, "buoyancy_n = 2.4", "buoyancy_kg = 2.4", "buoyancy_kg"),
+        (EFFORT, "[14.0, 5.0, 33.0]\nquadratic_drag_kg_per_m = [141.0, 217.0, 190.0]",
+         "[0.0, 0.0, 0.0]", "an axis needs one of them"),
     ],
 )  # fmt: skip
-def test_faults_of_the_table_name_file_and_column(case_file: Path, old: str, new: str, message: str) -> None:
-    assert old in CASE
-    path = case_file.with_name("faulty_table.toml")
-    path.write_text(CASE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(DataError, match=message):
-        replay_case(load_case(path))
+def test_mistakes_are_named(case_file: Path, section: str, old: str, new: str, words: str) -> None:
+    assert old in section
+    path = saved(case_file, with_section(section.replace(old, new, 1)))
+    with pytest.raises((DataError, ScenarioError), match=words):
+        read_streams(load_case(path))
 
 
-def test_slip_and_noise_are_tuned_where_the_section_stands(case_file: Path) -> None:
-    case = load_case(case_file)
-    streams = read_streams(case)
-    found = {one.key: one.start for one in noise_of(case, streams) if one.key.startswith("thrust.")}
-    assert found == {"thrust.slip_mps": 0.02, "thrust.noise_mps": 0.01}
-    other = with_values(case, {"thrust.slip_mps": 0.05})
-    assert case.thrust is not None
-    assert other.thrust == case.thrust.model_copy(update={"slip_mps": 0.05})
-    without: Any = case.model_copy(update={"thrust": None})
-    assert not [one for one in noise_of(without, read_streams(without)) if one.key.startswith("thrust.")]
+def test_forces_of_another_time_are_told(case_file: Path) -> None:
+    """A clock an hour off leaves no reading within the dive: the command and the page say so."""
+    section = EFFORT.replace('{ column = "time" }', '{ column = "time", offset_s = 3600.0 }')
+    with pytest.warns(Note, match="effort: no reading lies within the times of the IMU"):
+        streams = read_streams(load_case(saved(case_file, with_section(section))))
+    assert sum("check effort.clock" in one for one in streams.notes) == 1
