@@ -223,6 +223,10 @@ LAG_STEP_S = 0.05
 LEVEL = 0.5
 """Correlation of roll and pitch rates from which they tell how an attitude sensor stands."""
 OFF_QUARTER_DEG = 20.0
+TURNS_BY_QUARTERS = np.round(
+    Rotation.from_euler("Z", 90.0 * np.arange(4.0)[:, None], degrees=True).as_matrix()
+)
+"""(4, 3, 3) turns about the vertical."""
 
 
 def match_attitude(
@@ -275,7 +279,7 @@ def _compare(rate: Floats, calm: Flags, lag_s: float, inside: Flags, gyro: Float
     quarters = round(angle / 90.0)
     if level < LEVEL or abs(angle - 90.0 * quarters) > OFF_QUARTER_DEG:
         quarters = 0
-    turn = np.round(Rotation.from_euler("Z", 90.0 * quarters, degrees=True).as_matrix())
+    turn = TURNS_BY_QUARTERS[quarters % 4]
     of_rate, products = turn**2 @ of_rate, np.diagonal(turn @ both)
     scale = float(of_gyros.sum())
     total = np.sqrt(float(of_rate.sum()) * scale)
