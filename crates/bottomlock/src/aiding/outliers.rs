@@ -12,8 +12,10 @@
 //!   against its prediction from the inertial navigation and the other beams: chi-squared with one degree of freedom (Baarda, A
 //!   testing procedure for use in geodetic networks, 1968).
 //!
-//! If either test fails, the beam with the largest w_i² is rejected and the rest is tested again. Closure alone cannot identify the
-//! faulty one of four beams, since any three are not redundant; the prediction of the inertial navigation decides.
+//! If either test fails, the fewest beams are rejected without which the others pass. Closure alone cannot identify the faulty one of
+//! four beams, since any three are not redundant; the prediction of the inertial navigation decides, by the NIS of the rest. Where
+//! that of the next best choice is within odds of 20 to 1, as after a start or an outage, no beam stands out: all keep their readings,
+//! with the noise of their closure if it fails. Where more than half would go, the prediction is wrong, and none is left.
 //!
 //! # Heavy tails
 //! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. With Student's t of
@@ -27,9 +29,12 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::aiding::{BeamTerms, tightly_coupled};
 use crate::chi_squared::quantile;
-use crate::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, MAX_BEAMS};
+use crate::dvl::geometry::{BeamGeometry, BeamSample, MAX_BEAMS};
 use crate::error::NavError;
 use crate::state::Covariance;
+
+/// Least difference of the NIS of what is left from that without as many other beams: odds of 20 to 1, as in `replay/robust_fix.py`.
+const STANDS_OUT: f64 = 5.991_464_547_107_98;
 
 /// Largest number of iterations on the weights.
 const ITERATIONS: usize = 5000;
@@ -161,6 +166,22 @@ impl Rows {
         Ok(factor.inverse())
     }
 
+    /// The rows of some of the beams, by their bits.
+    fn of(&self, bits: usize) -> Self {
+        let kept: Vec<usize> = (0..self.beams.len()).filter(|&i| bits & (1 << i) != 0).collect();
+        let square = |all: &DMatrix<f64>| all.select_rows(&kept).select_columns(&kept);
+        Self {
+            beams: kept.iter().map(|&i| self.beams[i]).collect(),
+            z: self.z.select_rows(&kept),
+            hph: square(&self.hph),
+            r: square(&self.r),
+        }
+    }
+
+    fn nis(&self, time_ns: i64) -> Result<f64, NavError> {
+        Ok(self.z.dot(&(self.weight(&self.r, time_ns)? * &self.z)))
+    }
+
     /// Reduction of the NIS by leaving out each beam.
     fn leave_one_out(&self, time_ns: i64) -> Result<DVector<f64>, NavError> {
         let weight = self.weight(&self.r, time_ns)?;
@@ -168,6 +189,41 @@ impl Rows {
         Ok(DVector::from_fn(self.z.len(), |i, _| {
             weighted[i].powi(2) / weight[(i, i)]
         }))
+    }
+
+    /// Whether the closure and every beam pass their tests.
+    fn pass(&self, robust: &Robust, geometry: &BeamGeometry, time_ns: i64) -> Result<bool, NavError> {
+        if let Some(probability) = robust.closure_gate {
+            let (statistic, degrees) = self.closure(geometry, time_ns)?;
+            if degrees > 0 && statistic > quantile(degrees, probability) {
+                return Ok(false);
+            }
+        }
+        Ok(match robust.beam_gate {
+            Some(probability) => self.leave_one_out(time_ns)?.max() <= quantile(1, probability),
+            None => true,
+        })
+    }
+
+    /// The fewest beams without which the others pass, of those of a ping that does not; `None` where as many others are about as
+    /// likely, all of them where it would be more than half.
+    fn outliers(&self, robust: &Robust, geometry: &BeamGeometry, time_ns: i64) -> Result<Option<Vec<usize>>, NavError> {
+        let beams = self.beams.len();
+        let all = (1_usize << beams) - 1;
+        for count in 1..=beams / 2 {
+            let mut rests = Vec::new();
+            for bits in (1..all).filter(|bits| bits.count_ones() as usize == count) {
+                let rest = self.of(all ^ bits);
+                rests.push((rest.nis(time_ns)?, bits, rest));
+            }
+            rests.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let (least, bits, rest) = &rests[0];
+            if rest.pass(robust, geometry, time_ns)? {
+                let stands_out = rests.get(1).is_none_or(|next| next.0 - least >= STANDS_OUT);
+                return Ok(stands_out.then(|| self.of(*bits).beams));
+            }
+        }
+        Ok(Some(self.beams.clone()))
     }
 
     /// The statistic of closure and its degrees of freedom.
@@ -231,39 +287,38 @@ pub fn screen(
         weight: [f64::NAN; MAX_BEAMS],
     };
     ping.valid.iter().for_each(|beam| out.weight[beam] = 1.0);
-    let rows = loop {
-        let rows = Rows::new(covariance, terms, &out.ping);
+    let mut rows = Rows::new(covariance, terms, ping);
+    if rows.beams.is_empty() {
+        return Ok(out);
+    }
+    if !rows.pass(robust, geometry, time_ns)? {
+        match rows.outliers(robust, geometry, time_ns)? {
+            Some(outliers) => {
+                outliers.iter().for_each(|&beam| out.weight[beam] = 0.0);
+                out.ping.valid = ping.valid.iter().filter(|beam| !outliers.contains(beam)).collect();
+            }
+            None => {
+                let (statistic, degrees) = rows.closure(geometry, time_ns)?;
+                let wider = (statistic / degrees.max(1) as f64).max(1.0).sqrt();
+                ping.valid.iter().for_each(|beam| out.ping.sd_mps[beam] *= wider);
+            }
+        }
+        rows = Rows::new(covariance, terms, &out.ping);
         if rows.beams.is_empty() {
             return Ok(out);
         }
-        let doubts = rows.leave_one_out(time_ns)?;
-        let worst = doubts.imax();
-        let opens = match robust.closure_gate {
-            Some(probability) => {
-                let (statistic, degrees) = rows.closure(geometry, time_ns)?;
-                degrees > 0 && statistic > quantile(degrees, probability)
-            }
-            None => false,
-        };
-        let fails = robust
-            .beam_gate
-            .is_some_and(|probability| doubts[worst] > quantile(1, probability));
-        if !(opens || fails) {
-            break rows;
-        }
-        let beam = rows.beams[worst];
-        out.weight[beam] = 0.0;
-        out.ping.valid = (out.ping.valid.iter().filter(|&other| other != beam)).collect::<BeamMask>();
-    };
+    }
     if robust.tail == Tail::StudentT {
         let own = DVector::from_fn(rows.beams.len(), |i, _| {
-            (ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
+            (out.ping.sd_mps[rows.beams[i]] / geometry.sound_speed_scale()).powi(2)
         });
         let widened = rows.weighted(&own, robust.student_t_degrees, time_ns)?;
         for (i, &beam) in rows.beams.iter().enumerate() {
-            out.weight[beam] = own[i] / widened[i];
             out.ping.sd_mps[beam] = widened[i].sqrt() * geometry.sound_speed_scale();
         }
+    }
+    for &beam in &rows.beams {
+        out.weight[beam] = (ping.sd_mps[beam] / out.ping.sd_mps[beam]).powi(2);
     }
     Ok(out)
 }

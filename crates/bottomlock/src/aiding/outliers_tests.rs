@@ -86,10 +86,6 @@ impl Case {
     }
 }
 
-fn nis(rows: &Rows) -> f64 {
-    rows.z.dot(&(rows.weight(&rows.r, 0).unwrap() * &rows.z))
-}
-
 /// By hand: in a Janus b₁ − b₂ + b₃ − b₄ = 0, so closure is (e₁ − e₂ + e₃ − e₄)² / 4σ², whatever the velocity is.
 #[test]
 fn closure_of_a_janus() {
@@ -116,7 +112,7 @@ fn leave_one_out_is_leaving_one_out() {
     for beam in 0..4 {
         let mut without = case(0.07, [0.05, -0.12, 0.03, 0.3]);
         without.ping.valid = (0..4).filter(|&other| other != beam).collect();
-        assert!((doubts[beam] - (nis(&whole.rows()) - nis(&without.rows()))).abs() < 1e-9);
+        assert!((doubts[beam] - (whole.rows().nis(0).unwrap() - without.rows().nis(0).unwrap())).abs() < 1e-9);
     }
 }
 
@@ -155,6 +151,43 @@ fn the_wild_beam_is_the_one_that_goes() {
         one.screened(&gates[0]).ping.valid.count() == 1,
         "one beam contradicts no other"
     );
+}
+
+/// Where the prediction cannot tell which of four beams is wild, all keep their readings with the noise of their closure; by hand
+/// e²/4σ² times their variance.
+#[test]
+fn a_wild_beam_that_does_not_stand_out_widens_all() {
+    let robust = Robust {
+        closure_gate: Some(0.9973),
+        beam_gate: Some(0.9973),
+        ..Robust::OFF
+    };
+    for wild in 0..4 {
+        let mut error = [0.0; 4];
+        error[wild] = 0.5;
+        let out = case(10.0, error).screened(&robust);
+        assert_eq!(out.ping.valid.count(), 4);
+        for beam in 0..4 {
+            assert!((out.weight[beam] * 0.25 / (4.0 * SD * SD) - 1.0).abs() < 1e-9);
+        }
+    }
+}
+
+/// Beams that agree with each other and all contradict the prediction: none is left, since more would go than stay. Two that are wild
+/// alike, as by fish, go alone.
+#[test]
+fn more_beams_wrong_than_right_is_a_prediction_that_is_wrong() {
+    let robust = Robust {
+        tail: Tail::Gaussian,
+        ..Robust::default()
+    };
+    let mut moved = case(0.02, [0.0; 4]);
+    moved.state.velocity_p_mps = Vec3::new(1.0, -0.9, 0.2);
+    let out = moved.screened(&robust);
+    assert_eq!((out.ping.valid.count(), out.weight[..4].to_vec()), (0, vec![0.0; 4]));
+
+    let fish = case(0.02, [0.6, 0.6, 0.0, 0.0]).screened(&robust);
+    assert_eq!(fish.weight[..4], [0.0, 0.0, 1.0, 1.0]);
 }
 
 /// A vertical beam alone, with velocity variance p: with D = σ² (ν + 3)/(ν + 1) the weight solves the scalar equation
