@@ -183,7 +183,10 @@ def test_a_method_of_ones_own() -> None:
     sd_mps = begun(method=NoBeams).velocity_sd_mps
     by_name = begun(method=own_method.register(NoBeams)).velocity_sd_mps
     np.testing.assert_array_equal(by_name, sd_mps)
-    np.testing.assert_allclose(sd_mps, begun(method="ins").velocity_sd_mps, rtol=1e-8)
+    # But for the heave, which pings that a method may use find widened (docs/linear_range.md).
+    ins_mps = begun(method="ins").velocity_sd_mps
+    np.testing.assert_allclose(sd_mps[:2], ins_mps[:2], rtol=1e-8)
+    assert ins_mps[2] < sd_mps[2] < 1.002 * ins_mps[2]
     assert (sd_mps > begun(method="tc").velocity_sd_mps).all()
 
 

@@ -16,6 +16,8 @@
 //!   position. The error state is moved to the corrected path (`filter/corrected_path.rs`).
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects its own axis of the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
+//! - Velocity of the platform: the heave has grown by ½ g (ρ_x² + ρ_y²) Δt since the last one, which F leaves out of gravity and an
+//!   update would take for a bias of the accelerometers. Its variance grows by the square (`Eskf::widen_heave`).
 
 use nalgebra::Matrix3;
 
@@ -42,6 +44,8 @@ pub(super) struct Measured {
     pub(super) position_ns: i64,
     /// A velocity in the platform frame; `None` before the first.
     pub(super) velocity_ns: Option<i64>,
+    /// The heave's covariance has what the linear model leaves out until then.
+    pub(super) heave_ns: i64,
 }
 
 impl Measured {
@@ -50,6 +54,7 @@ impl Measured {
             depth_ns: time_ns,
             position_ns: time_ns,
             velocity_ns: None,
+            heave_ns: time_ns,
         }
     }
 }
@@ -104,6 +109,33 @@ impl Eskf {
         } else {
             0.0
         }
+    }
+
+    /// Makes the heave as uncertain as the linear model has left out of it since a velocity was last used, where this is beyond the
+    /// linear range; before a velocity is used.
+    pub(crate) fn widen_heave(&mut self) {
+        if self.left_out_heave_variance() <= LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
+            return;
+        }
+        self.propagate_covariance();
+        let down_p = self.rotation().row(2).transpose();
+        let left_out = down_p * down_p.transpose() * self.left_out_heave_variance();
+        let mut velocity = self.covariance.fixed_view_mut::<3, 3>(VELOCITY, VELOCITY);
+        velocity += left_out;
+        self.measured.heave_ns = self.state.time_ns;
+    }
+
+    /// `E[(½ g (ρ_x² + ρ_y²))²] Δt²`, (m/s)², of Gaussian tilts, with Δt since the last velocity or, before the first, position, less
+    /// what the covariance has already.
+    fn left_out_heave_variance(&self) -> f64 {
+        let measured = &self.measured;
+        let since_ns = measured.velocity_ns.unwrap_or(measured.position_ns);
+        let squared_s2 = |time_ns: i64| ((time_ns - since_ns).max(0) as f64 * 1e-9).powi(2);
+        let time_s2 = squared_s2(self.state.time_ns) - squared_s2(measured.heave_ns);
+        let tilt = self.covariance.fixed_view::<2, 2>(ATTITUDE, ATTITUDE);
+        let (xx, yy, xy) = (tilt[(0, 0)], tilt[(1, 1)], tilt[(0, 1)]);
+        let fourth = 3.0 * (xx * xx + yy * yy) + 2.0 * xx * yy + 4.0 * xy * xy;
+        (0.5 * self.gravity_mps2()).powi(2) * fourth * time_s2
     }
 
     /// Time since the last depth, s.

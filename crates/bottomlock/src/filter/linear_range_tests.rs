@@ -297,3 +297,43 @@ fn a_depth_is_evidence_as_its_gate_takes_it() {
         assert!((filter.left_out_variance(&reading) / 12.5 - 1.0).abs() < 1e-9);
     }
 }
+
+/// What F leaves out of gravity that is turned by a tilt is ½ g (ρ_x² + ρ_y²) along the vertical, and half of a product with the yaw,
+/// which turns the path.
+#[test]
+fn gravity_that_is_left_out_by_hand() {
+    let gravity_t = Vector3::new(0.0, 0.0, 9.8);
+    for rho in [Vector3::new(0.02, -0.01, 0.0), Vector3::new(0.05, 0.03, 0.0)] {
+        let turned_t = Rot::<Tangent, Tangent>::exp(-rho).matrix() * gravity_t;
+        let left_out_t = turned_t - (gravity_t - rho.cross(&gravity_t));
+        let expected = -0.5 * 9.8 * rho.xy().norm_squared();
+        assert!((left_out_t.z / expected - 1.0).abs() < 1e-3 && left_out_t.xy().norm() < 0.05 * expected.abs());
+    }
+}
+
+/// By hand: tilts of 0.05 rad and 10 s are 9.8 / 2 · √8 · 0.0025 · 10 = 0.35 m/s of heave, whether they are added at once or as they
+/// grow; of 0.001 rad they are within the linear range. A velocity that is used begins anew.
+#[test]
+fn heave_is_widened_by_what_is_left_out_since_a_velocity() {
+    for at_s in [vec![10], vec![3, 7, 10]] {
+        let mut filter = filter(0.05, 0.01);
+        let before = filter.covariance;
+        for second in at_s {
+            filter.state.time_ns = second * 1_000_000_000;
+            filter.widen_heave();
+        }
+        let grown = filter.covariance - before;
+        let down_p = filter.rotation().row(2).transpose();
+        let heave = 0.5 * filter.gravity_mps2() * 8_f64.sqrt() * 0.0025 * 10.0;
+        let velocity = grown.fixed_view::<3, 3>(VELOCITY, VELOCITY).into_owned();
+        assert!((velocity - down_p * down_p.transpose() * heave * heave).amax() < 1e-12);
+        assert!((grown.norm() - velocity.norm()).abs() < 1e-12);
+        filter.measured.velocity_ns = Some(10_000_000_000);
+        assert_eq!(filter.left_out_heave_variance(), 0.0);
+    }
+    let mut level = filter(0.001, 0.01);
+    level.state.time_ns = 10_000_000_000;
+    let before = level.covariance;
+    level.widen_heave();
+    assert_eq!(level.covariance, before);
+}

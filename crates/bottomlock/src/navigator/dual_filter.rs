@@ -4,6 +4,7 @@
 //! The constrained filter therefore has no gate for measurements: it applies exactly the rows that the filter on the
 //! measurements alone accepted. Where these contradict it several times in a row, it starts again from the other one.
 
+use crate::aiding::sensor::Quantity;
 use crate::aiding::water::{SWAY, WaterRow, WaterVector, heave_row, sway_row};
 use crate::aiding::{Innovation, Motion};
 use crate::error::NavError;
@@ -194,6 +195,9 @@ impl DualFilter {
         sensor: Sensor,
         innovation_of: &dyn Fn(&Eskf) -> Innovation,
     ) -> Result<UpdateReport, NavError> {
+        if matches!(sensor.quantity(), Some(Quantity::Velocity | Quantity::Position)) {
+            self.each_mut().for_each(Eskf::widen_heave);
+        }
         let mut report = self.update(sensor, innovation_of)?;
         if report.verdict != Verdict::Rejected {
             self.measurements_only.note_accepted(sensor);

@@ -18,6 +18,9 @@ impl Navigator {
         report: &mut dyn FnMut(&UpdateReport),
     ) -> Result<BeamMask, NavError> {
         self.filters.each_mut().for_each(Eskf::prepare_for_ping);
+        if ping.valid.count() > 0 && self.aiding != BeamAiding::None {
+            self.filters.each_mut().for_each(Eskf::widen_heave);
+        }
         let (mut left, mut weight) = self.screen(ping)?;
         let is_confirmed = self.is_confirmed(ping.valid, left.valid);
         let mut charge = None;
