@@ -70,3 +70,16 @@ def test_student_t_is_the_variational_update(
     np.testing.assert_allclose(got / sd, x / sd, atol=1e-5)
     np.testing.assert_allclose(after / np.outer(sd, sd), posterior / np.outer(sd, sd), atol=1e-5)
     assert np.isnan(report.beam_weight[~valid]).all()
+
+
+@given(P=state_covariances(), drawn=noises, mask=masks)
+@hypothesis_settings(max_examples=hypothesis_settings().max_examples, deadline=None)
+def test_outliers_are_those_of_the_literal_rule(
+    P: Array, drawn: tuple[list[float], float, int], mask: list[bool]
+) -> None:
+    """The beams that go, and what the others keep where none stands out."""
+    noise, valid = disturbed(drawn), np.array(mask)
+    gates = {"closure_gate": 0.99, "beam_gate": 0.99, "tail": "gaussian"}
+    _, _, report, H = pushed(gates, P, noise, valid)
+    kept = heavy_tails.screened(P, H, A[valid], SD[valid], noise[valid], 0.99)
+    np.testing.assert_allclose(report.beam_weight[valid], kept, rtol=1e-6)
