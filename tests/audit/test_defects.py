@@ -156,13 +156,3 @@ def test_a_log_that_never_had_lock(log: BeamLog) -> None:
     for stated in (BeamGeometry.janus(np.deg2rad(22.0)), None):
         (found,) = Audit(log, stated=stated).findings
         assert found.kind == "never_locked"
-
-
-def test_a_table_of_empty_beams_is_audited(tmp_path: Path) -> None:
-    """The table that `convert` writes of a log without a valid beam."""
-    columns: dict[str, object] = {"time_ns": np.arange(50) * 10**8}
-    for k in range(4):
-        columns |= {f"beam{k + 1}_mps": [None] * 50, f"beam{k + 1}_valid": [False] * 50}
-    pl.DataFrame(columns).write_parquet(tmp_path / "air.parquet")
-    (found,) = audit_file(tmp_path / "air.parquet").findings
-    assert found.kind == "never_locked"

@@ -5,9 +5,7 @@ import pytest
 
 from bottomlock.audit.closure import closure_of, closure_slope, null_space
 from bottomlock.audit.matrix import find_matrix
-from bottomlock.audit.page import page_of
 from bottomlock.audit.robust import resolution
-from bottomlock.audit.run import Audit, numbers_of
 from tests.audit.synthetic import Array, janus, make_log, motion
 
 WEIGHTS = np.array([1.0, -1.0, 1.0, -1.0])
@@ -64,10 +62,3 @@ def test_probability_of_a_slope() -> None:
 def test_resolution_of_readings_that_binary_numbers_only_come_near() -> None:
     assert resolution(np.array([0.1, 0.1 + 1e-12, 0.2, 0.3, np.nan])) == 0.1
     assert resolution(np.array([1.5, 1.5])) == 0.0
-
-
-def test_three_beams_are_told_to_have_no_closure() -> None:
-    three, four = (Audit(make_log(50, physical=janus()[:k])) for k in (3, 4))
-    texts = [page_of(one, numbers_of(one)).about for one in (three, four)]
-    assert ["no closure" in text for text in texts] == [True, False]
-    assert f"{three.log.pings} with 3; {three.log.pings} full pings used" in texts[0]

@@ -197,13 +197,6 @@ def test_how_noisy_a_beam_is(factor: float, is_told: bool) -> None:
     assert [one.size for one in found] == pytest.approx([factor] * is_told, rel=0.1)
 
 
-def test_closure_of_beams_of_which_nothing_is_stated() -> None:
-    """That of the packaged geometries that close."""
-    (closure,) = Audit(make_log(52, instrument=False)).assessment.closures
-    np.testing.assert_allclose(closure.weights, [1.0, -1.0, 1.0, -1.0], atol=1e-9)
-    assert closure.beam_sigma_mps == pytest.approx(0.01, rel=0.1)
-
-
 def test_flags_of_a_mapped_log(tmp_path: Path) -> None:
     """By the columns that the map names, whatever else is there."""
     names = tuple(f"v{k}" for k in range(4))

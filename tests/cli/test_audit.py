@@ -75,24 +75,11 @@ def test_columns_of_a_geometry_file_are_used_and_handed_on(tmp_path: Path) -> No
         'valid = ["beam1_valid", "beam2_valid", "beam3_valid", "beam4_valid"]\n'
     )
     found = tmp_path / "found.toml"
-    done = bottomlock(
-        "audit",
-        tmp_path / "log.csv",
-        "--geometry",
-        tmp_path / "mine.toml",
-        "--out",
-        tmp_path / "out",
-        "--write",
-        found,
-    )
+    words = ["audit", "log.csv", "--geometry", "mine.toml", "--out", "out", "--write", "found.toml"]
+    done = bottomlock(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "No finding." in done.stdout
-    assert tomllib.loads(found.read_text())["columns"]["velocity"] == [
-        "radial0",
-        "radial1",
-        "radial2",
-        "radial3",
-    ]
+    assert tomllib.loads(found.read_text())["columns"]["velocity"] == [f"radial{k}" for k in range(4)]
 
 
 def test_refusals(planted: Path, tmp_path: Path) -> None:

@@ -62,13 +62,3 @@ def test_a_whole_vehicle_on_one_clock(tmp_path: Path) -> None:
     assert float(imu[0][6]) == pytest.approx(-9.8, abs=0.3)
     for time_ns in (int(imu[0][0]), int(depth[0][0]), int(pings.time_ns[0])):
         assert 0 <= time_ns - base_s * 10**9 <= 10**9
-
-
-def test_files_are_not_overwritten(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    log.write_text("mine")
-    done = bottomlock(*RUN, "--dvl", f"file:{log}", "--speed", "max")
-    assert (done.returncode, log.read_text()) == (2, "mine")
-    assert "is there already; choose another name, or use --force to replace it" in done.stderr
-    succeeded(*RUN, "--dvl", f"file:{log}", "--speed", "max", "--force")
-    assert log.read_bytes().startswith(b'{"time":')

@@ -98,16 +98,8 @@ def test_an_event_that_is_not_set_changes_no_bit() -> None:
 
 def test_a_campaign_ends_with_the_signal(tmp_path: Path) -> None:
     """The command ends soon and says how to resume."""
-    call = [
-        "run",
-        str(shortened("straight", tmp_path / "s.toml")),
-        "--runs",
-        "100000",
-        "--threads",
-        "1",
-        "--out",
-        "o",
-    ]
+    scenario = str(shortened("straight", tmp_path / "s.toml"))
+    call = ["run", scenario, "--runs", "100000", "--threads", "1", "--out", "o"]
     command = subprocess.Popen(
         [sys.executable, "-m", "bottomlock", *call], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
@@ -126,24 +118,9 @@ def test_a_campaign_ends_with_the_signal(tmp_path: Path) -> None:
 def test_a_command_that_starts_ends_without_a_traceback(after_s: float, tmp_path: Path) -> None:
     """Wherever its imports are, once the interpreter has come to the package."""
     log = tmp_path / "stderr.txt"
+    words = ["-X", "importtime", "-m", "bottomlock", "run", "straight", "--runs", "1000000", "--out", "o"]
     with log.open("w") as errors_file:
-        command = subprocess.Popen(
-            [
-                sys.executable,
-                "-X",
-                "importtime",
-                "-m",
-                "bottomlock",
-                "run",
-                "straight",
-                "--runs",
-                "1000000",
-                "--out",
-                "o",
-            ],
-            stderr=errors_file,
-            cwd=tmp_path,
-        )
+        command = subprocess.Popen([sys.executable, *words], stderr=errors_file, cwd=tmp_path)
     while "bottomlock.errors" not in log.read_text():
         time.sleep(0.01)
     time.sleep(after_s)

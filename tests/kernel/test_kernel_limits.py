@@ -11,10 +11,7 @@ import pytest
 
 import bottomlock
 from bottomlock import errors, kernel
-from bottomlock.config.scenario import load_scenario
-from bottomlock.errors import ScenarioError
 from bottomlock.kernel import ClosedLoop, KernelError, Method
-from bottomlock.replay.case import load_case
 from tests.analytic import batch_along
 from tests.property import settings
 
@@ -180,13 +177,3 @@ def test_the_error_of_the_kernel_is_one_of_the_package() -> None:
     assert type(caught.value) is KernelError
     copy = pickle.loads(pickle.dumps(caught.value))
     assert (type(copy), str(copy)) == (KernelError, str(caught.value))
-
-
-def test_a_method_that_is_unknown_is_refused_where_it_is_named() -> None:
-    """In the scenario of a run and the case of a replay, with the nearest name."""
-    for place, call in (
-        ("methods", load_scenario("straight").with_overrides),
-        ("replay: methods", load_case(DIVE).with_methods),
-    ):
-        with pytest.raises(ScenarioError, match=rf"{place}: unknown method 'tcc', did you mean 'tc'"):
-            call(methods=["tcc"])

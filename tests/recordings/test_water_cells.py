@@ -49,24 +49,6 @@ def changed(table: Cells, name: str, row: Any, value: Any) -> Cells:  # noqa: AN
     return replace(table, **{name: column})
 
 
-def test_the_two_nearest_cells_are_averaged() -> None:
-    """Cell 2 reads 0.06 m/s more than cell 1 in every beam of one kind of error that closes: 0.03 in the mean."""
-    table = changed(profile(2), "velocity_mps", [1, 4], profile(velocity=(1.06, 0.2, 0.0)).velocity_mps[:2])
-    rows, counts = water_beams(table, JANUS, WaterCells(), beam_sd_mps=SD)
-    np.testing.assert_allclose(rows.velocity_mps, JANUS.beam_velocities([[1.03, 0.2, 0.0]] * 2))
-    assert rows.time_ns.tolist() == [0, 10**9]
-    assert rows.range_m.tolist() == [4.0, 4.0]
-    assert rows.valid.all()
-    np.testing.assert_allclose(rows.sd_mps, 0.05)
-    assert counts == CellCounts(used=16)
-
-
-def test_the_noise_of_the_record_comes_before_the_stated_one() -> None:
-    """RMS of 0.03 and 0.05 (the stated noise, where the record has none): √(0.0017)."""
-    rows, _ = water_beams(changed(profile(), "sd_mps", 0, 0.03), JANUS, WaterCells(), beam_sd_mps=SD)
-    np.testing.assert_allclose(rows.sd_mps, np.sqrt((0.03**2 + 0.05**2) / 2.0))
-
-
 @pytest.mark.parametrize(
     ("bottom_m", "kept"), [(9.3, 3), (9.2, 2), (7.0, 2), (6.9, 1), (4.5, 0), (np.nan, 3)]
 )
@@ -109,13 +91,6 @@ def test_closure_takes_all_beams_of_the_cell(fish_mps: float, limit: float | Non
     rows, counts = water_beams(table, JANUS, limits, beam_sd_mps=SD)
     assert counts == (CellCounts(used=8) if kept else CellCounts(used=4, closure=4))
     assert rows.range_m[0] == (4.0 if kept else 5.0)
-
-
-def test_three_beams_of_a_cell_have_no_closure() -> None:
-    table = changed(profile(), "valid", (0, 1), False)
-    table = changed(table, "velocity_mps", (0, 2), 5.0)
-    _, counts = water_beams(table, JANUS, WaterCells(), beam_sd_mps=SD)
-    assert counts == CellCounts(used=7, not_valid=1)
 
 
 def test_a_ping_without_a_good_cell_keeps_its_row() -> None:

@@ -113,17 +113,6 @@ def test_a_sensor_is_chosen_by_leaving_out_the_other(dive: Dive, tmp_path: Path)
     ):
         make_case([path], tmp_path / "other.toml", without=("IMU2",))
     out = tmp_path / "by_command.toml"
-    arguments = [
-        "replay",
-        "--init",
-        str(path),
-        "--out",
-        str(out),
-        "--without",
-        "IMU 0",
-        "--without",
-        "XKF1 0",
-    ]
-    said = command(*arguments).stdout
+    said = command("replay", "--init", path, "--out", out, "--without", "IMU 0", "--without", "XKF1 0").stdout
     assert "IMU 1: imu" in said
     assert "XKF1" not in said

@@ -8,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 import bottomlock
-from bottomlock.errors import ScenarioError
 from bottomlock.io.beams import read_beams
 from bottomlock.io.formats import read_recording
 from bottomlock.replay.case import load_case
@@ -84,12 +83,3 @@ def test_a_map_of_beams_keeps_the_velocity_beside_them(tmp_path: Path, scale: fl
     write_map(path, tmp_path / "map.toml", force=False)
     text = (tmp_path / "map.toml").read_text()
     assert ('instrument = ["vx", "vy", "vz"]' in text) == is_mapped
-
-
-def test_mounting_belongs_into_the_file_of_the_instrument(tmp_path: Path) -> None:
-    made = make_case([tmp_path / "imu.csv", write(tmp_path)], tmp_path / "case.toml")
-    made.case.write_text(made.case.read_text().replace("[dvl]\n", "[dvl]\nmounting_yaw_deg = 0.0\n", 1))
-    with pytest.raises(
-        ScenarioError, match="mounting angles are given in \\[dvl\\], expected them in the geometry"
-    ):
-        load_case(made.case)

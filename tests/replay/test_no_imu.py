@@ -1,12 +1,10 @@
 """Dives of vehicles without inertial readings: attitude, DVL and depth alone, simulated and recorded."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import pytest
-from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
 from bottomlock.files.replay_tables import RECORDED, ReplayTables
@@ -16,7 +14,6 @@ from bottomlock.replay.case import Case, load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.reading import read_streams
 from bottomlock.replay.run import replay_case
-from bottomlock.replay.vehicle_motion import complete_pings, with_persistence
 from tests.dive import Dive, drawn_dive
 from tests.dive_logs import beam_table, write_csv
 from tests.replay.test_water_track import CASE as WITH_IMU
@@ -115,34 +112,6 @@ def test_partial_beams_are_used(replayed: ReplayTables) -> None:
 def test_no_finding_compares_the_dvl_with_itself(replayed: ReplayTables) -> None:
     kinds = {one["kind"] for one in replayed.manifest["findings"]}
     assert not kinds & {"gyro_offset", "gyro_unit", "mounting", "axes", "clock", "lever_arm", "scale"}
-
-
-def test_hidden_beams_are_not_held(case: Case) -> None:
-    """The force of a what-if case is that of the pings it leaves: the last of them is held through the outage."""
-    streams = read_streams(case)
-    prepared = rerun.prepare(case, streams)
-    valid = prepared.streams.beams.valid.copy()
-    hidden = streams.beams.time_ns > 60_000_000_000
-    valid[hidden] = False
-    readings = with_persistence(case, streams, valid)
-    times, velocity = complete_pings(streams, replace(streams.beams, valid=valid))
-    assert times[-1] <= 60_000_000_000
-    late = readings.time_ns > 61_000_000_000
-    # f = ω × v, so no force lies along the velocity that is held.
-    assert np.abs(readings.force_p_mps2[late] @ velocity[-1]).max() < 1e-6
-    assert np.abs(readings.force_p_mps2[late]).max() > 0.01
-
-
-def test_the_readings_turn_with_the_attitude(case: Case) -> None:
-    """Rates integrate to the recorded attitudes; they are as many as the attitudes, which come at 10 Hz."""
-    streams = read_streams(case)
-    assert streams.attitudes is not None
-    inertial, attitude = streams.inertial, streams.attitudes.attitude
-    np.testing.assert_array_equal(inertial.time_ns, streams.attitudes.time_ns)
-    step = Rotation.from_rotvec(inertial.omega_p_radps[1:] * (np.diff(inertial.time_ns) * 1e-9)[:, None])
-    apart = (attitude[1:].inv() * attitude[:-1] * step).magnitude()
-    # The Earth's rate in 0.1 s.
-    np.testing.assert_allclose(apart, 7.292115e-6, rtol=0.01)
 
 
 def test_gaps_have_to_be_declared(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from bottomlock.config.scenario import Scenario, load_scenario
 from bottomlock.kernel import simulate_sensors
-from bottomlock.observability.report import scenario_schedule
 from bottomlock.simulation.build import Simulation, build_simulation
 from bottomlock.simulation.sensor_streams import sensor_streams
 from tests.oracle import acoustic_position as oracle
@@ -59,13 +58,6 @@ def test_a_section_that_is_not_there_decides_nothing() -> None:
     assert named.content_hash() == plain.content_hash()
     assert plain.replace({"acoustic_position.rate_hz": 0.5}).content_hash() != plain.content_hash()
     assert "acoustic_position" not in plain.model_fields_set
-
-
-def test_schedule_of_a_scenario_has_it() -> None:
-    simulated = simulation(5.0, rate_hz=0.5)
-    schedule, _ = scenario_schedule(simulated, simulated.truth())
-    assert int(schedule.others["acoustic_position"].sum()) == 2
-    assert int(schedule.others["gps_position"].sum()) == 5
 
 
 def test_simulated_fixes_scatter_as_stated() -> None:

@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 from bottomlock.config.scenario import Scenario, load_scenario, parse_scenario
 from bottomlock.errors import BottomlockError, DataError, ScenarioError
 from bottomlock.io.track import read_track
-from bottomlock.kernel import local_earth
-from bottomlock.kernel.models import Environment
 from bottomlock.simulation.build import Simulation, build_simulation, closure
 from bottomlock.simulation.path import resolved, truth_from_path
 from tests.analytic import analytic_simulation
-from tests.simulation.test_trajectory import readings_agree
 
 Floats = NDArray[np.float64]
 ROWS = 1001
@@ -85,12 +82,6 @@ def test_a_perfect_imu_returns_the_path(tmp_path: File, way: str) -> None:
     position_m, attitude_rad = closure(simulation, truth)
     assert position_m < 0.01
     assert attitude_rad < 1e-6
-
-
-def test_readings_agree_with_differences_of_the_states(tmp_path: File) -> None:
-    truth = simulation_along(written(tmp_path, motion(TIME_S))).truth()
-    here = Environment(latitude_rad=truth.latitude_rad, gravity_mps2=truth.gravity_mps2)
-    readings_agree(truth, local_earth(here, truth.position_t_m)["gravity_t_mps2"])
 
 
 def test_a_flown_truth_comes_back_from_a_few_rows(tmp_path: File) -> None:
