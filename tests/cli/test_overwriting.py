@@ -11,7 +11,7 @@ from bottomlock.errors import OutputError
 from bottomlock.replay.init.entries import Beside, Entry, placed
 from tests.audit.synthetic import make_log, table
 from tests.cli.calls import command, refused, shortened, succeeded
-from tests.live.world import NAVIGATION_TOML
+from tests.live.world import text_of
 
 RUN = ("run", "straight.toml", "--methods", "lc,tc", "--threads", "1", "--out", "o")
 
@@ -98,8 +98,7 @@ def test_a_first_case_leaves_the_log_that_has_the_name_of_its_table(here: Path) 
 )
 def test_live_does_not_write_over_its_configuration(tmp_path: Path, to: str, checkpoint: str) -> None:
     """A port that appends to it through a link, and a checkpoint that would replace it every second."""
-    places = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": to, "format": "waterlinked-json"}
-    known = NAVIGATION_TOML.format(**places).replace("probe", "sentence")
+    known = text_of("navigation", to=to).replace("probe", "sentence")
     text = f'{known}[checkpoint]\nfile = "{checkpoint}"\n'
     (tmp_path / "live.toml").write_text(text, encoding="utf-8")
     (tmp_path / "link.toml").symlink_to("live.toml")

@@ -19,9 +19,9 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.raw_log import RawLog
 from tests.cli.calls import command, process, refused
-from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML, Sent, World, probe_registered
+from tests.live import world
+from tests.live.world import Sent, World, probe_registered
 
-PLACES = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9"}
 ORIGIN = "origin = { latitude_deg = 32.8, longitude_deg = -17.5, height_m = 4.0 }"
 
 
@@ -33,18 +33,18 @@ def _probe() -> Iterator[None]:
 
 def text_of(mode: str, form: str = "waterlinked-json", port: str = "probe") -> str:
     """A configuration that sends every estimate to a port, with a place on the Earth."""
-    text = (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(format=form, **PLACES)
+    text = world.text_of(mode, format=form)
     text = text.replace("origin.latitude_deg = 32.8", ORIGIN).replace('port = "probe"', f'port = "{port}"')
     return text.removesuffix("rate_hz = 10\n") if mode == "navigation" else text
 
 
-def write_log(folder: Path, text: str, world: World) -> tuple[LiveConfig, Path, list[Sent]]:
+def write_log(folder: Path, text: str, run: World) -> tuple[LiveConfig, Path, list[Sent]]:
     """The log of a run, as `bottomlock live` writes it, and what its probe sent."""
     config = parse_config(text, place="test")
     sources, ports = [one.name for one in config.source], [one.port for one in config.port]
     log = RawLog(folder, sources=sources, ports=ports, start={"config": text.encode()})
     engine, sent = Engine(config), []
-    for arrival_ns, source, data in world.arrivals(imu=config.mode == "navigation"):
+    for arrival_ns, source, data in run.arrivals(imu=config.mode == "navigation"):
         log.write("in", source, arrival_ns, data)
         for message in engine.arrive(source, arrival_ns, data):
             log.write("out", message.port, arrival_ns, message.data)

@@ -192,9 +192,15 @@ def write(folder: Path, log: bytes) -> Path:
 
 def test_written_beside_the_beams(tmp_path: Path) -> None:
     """And held against the account, which is that of both; an account without water knows nothing of the user's own."""
-    out = write(tmp_path, seeds.pd0_ensemble(1, cells=[(1, 2, 3, 4)]))
-    water = water_file(out)
-    assert read_water_table(water).velocity_mps.tolist() == [[0.001, 0.002, 0.003, 0.004]]
+    layers = nortek_frame(0x1B, seeds.df21()) + nortek_frame(0x1D, seeds.df21(1, status=0xFFFFF & ~2))
+    for form, log in (
+        (nortek_dvl.FORMAT, layers),
+        (pd0.FORMAT, seeds.pd0_ensemble(1, cells=[(1, 2, 3, 4), (5, -32768, 7, 8)])),
+    ):
+        out = write(tmp_path, log)
+        water = water_file(out)
+        for name, values in vars(water_of(form.read(log, "log"))).items():
+            np.testing.assert_array_equal(getattr(read_water_table(water), name), values, err_msg=name)
     assert set(read_account(out)["digests"]) == {"beams.parquet", "beams_water.parquet"}
     frame = pl.read_parquet(water)
     frame.with_columns(beam1_mps=pl.lit(9.0)).write_parquet(water)
@@ -206,7 +212,7 @@ def test_written_beside_the_beams(tmp_path: Path) -> None:
     write(tmp_path, seeds.pd0_ensemble(1))
     assert not water.exists()
     frame.write_parquet(water)
-    assert read_water_table(water).rows == 1
+    assert read_water_table(water).rows == 2
     write(tmp_path, seeds.pd0_ensemble(2))
     assert water.exists()
 

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Self
 
-from tests.live.world import NAVIGATION_TOML, START_NS, World
+from tests.live.world import START_NS, World, text_of
 
 _NEXT = itertools.count(os.getpid() * 37)
 
@@ -75,11 +75,11 @@ class Instruments:
 
     def write_config(self, path: Path, to_port: int) -> None:
         """A configuration of mode navigation with these instruments, a raw log and a checkpoint every 0.2 s."""
-        text = NAVIGATION_TOML.format(
+        text = text_of(
+            "navigation",
             dvl=f"tcp:127.0.0.1:{self.dvl_port}",
             imu=f"udpin:127.0.0.1:{self.imu_port}",
             to=f"udpout:127.0.0.1:{to_port}",
-            format="waterlinked-json",
         ).replace('port = "probe"', 'port = "sentence"')
         text += '[log]\nfolder = "logs"\nflush_s = 0\n[health]\nport = 0\n'
         text += '[checkpoint]\nfile = "last"\nevery_s = 0.2\nmax_age_s = 60\n'

@@ -26,18 +26,16 @@ from tests.live.world import (
     fly,
     navigator_of,
     one_to_three_beams,
+    text_of,
 )
 from tests.live.world import lines as sent_lines
 
-PLACES = {
-    "dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9", "format": "waterlinked-json",
-}  # fmt: skip
 IMU = NAVIGATION_TOML[NAVIGATION_TOML.index("[imu]") : NAVIGATION_TOML.index("[start]")]
 TEXT = (
-    NAVIGATION_TOML.replace(IMU, '[imu]\nsource = "attitude"\naccel_noise_mps_per_rt_h = 1.0\n[attitude]\n')
+    text_of("navigation")
+    .replace(IMU, '[imu]\nsource = "attitude"\naccel_noise_mps_per_rt_h = 1.0\n[attitude]\n')
     .replace("heading_deg = 30.0\n", "")
     .replace('"imu-csv"\nrate_hz = 100', '"attitude-csv"\nrate_hz = 10')
-    .format(**PLACES)
 )
 TURN = math.radians(10.0)
 """Rate of the turn, rad/s."""

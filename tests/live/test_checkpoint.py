@@ -14,7 +14,7 @@ from bottomlock.live.config import LiveConfig, parse_config
 from bottomlock.live.engine import Engine
 from bottomlock.live.navigator_config import NavigatorConfig
 from bottomlock.ports.estimate import SILENT
-from tests.live.world import NAVIGATION_TOML, START_NS, VELOCITY, World, config, fly, lines
+from tests.live.world import START_NS, VELOCITY, World, config, fly, lines, text_of
 
 S = 1_000_000_000
 
@@ -108,19 +108,17 @@ linear_drag_kg_per_s = [5.0, 5.0, 5.0]
 
 def with_sensors(folder: Path, *changes: tuple[str, str]) -> LiveConfig:
     """A configuration with every sensor, its geometry in a file, and texts of both files that are others."""
-    text = NAVIGATION_TOML.replace("waterlinked_a50", str(folder / "dvl.toml")) + SENSORS
-    geometry = GEOMETRY
-    text = text.replace(
+    text, geometry = text_of("navigation") + SENSORS, GEOMETRY
+    text = text.replace("waterlinked_a50", str(folder / "dvl.toml")).replace(
         "origin.latitude_deg = 32.8", "origin.latitude_deg = 32.8\norigin.longitude_deg = 0.0"
     )
     for kind in ("attitude", "gps", "acoustic", "thrust"):
-        text += f'[[source]]\nname = "{kind}"\naddress = "{{imu}}"\nformat = "{kind}-csv"\nrate_hz = 1\n'
+        text += f'[[source]]\nname = "{kind}"\naddress = "udpin:127.0.0.1:9"\nformat = "{kind}-csv"\nrate_hz = 1\n'
     for old, new in changes:
         assert old in text or old in geometry
         text, geometry = text.replace(old, new), geometry.replace(old, new)
     (folder / "dvl.toml").write_text(geometry)
-    places = {"dvl": "tcp:127.0.0.1:9", "imu": "udpin:127.0.0.1:9", "to": "udpout:127.0.0.1:9"}
-    return parse_config(text.format(format="waterlinked-json", **places), place="test")
+    return parse_config(text, place="test")
 
 
 BEAMS = "beam_noise_mps = 0.01\n"

@@ -10,16 +10,10 @@ from bottomlock.config.scenario_sections import Filter
 from bottomlock.errors import ScenarioError
 from bottomlock.live.config import load_config, parse_config
 from bottomlock.live.templates import AUTOPILOTS, INSTRUMENTS, template
-from tests.live.world import NAVIGATION_TOML, VELOCITY_TOML
+from tests.live.world import text_of
 
-PLACES = {
-    "dvl": "tcp:127.0.0.1:16171",
-    "imu": "udpin:127.0.0.1:15000",
-    "to": "udpout:127.0.0.1:14550",
-    "format": "waterlinked-json",
-}
-VELOCITY = VELOCITY_TOML.format(**PLACES)
-NAVIGATION = NAVIGATION_TOML.format(**PLACES)
+PLACES = {"dvl": "tcp:127.0.0.1:16171", "imu": "udpin:127.0.0.1:15000", "to": "udpout:127.0.0.1:14550"}
+VELOCITY, NAVIGATION = text_of("velocity", **PLACES), text_of("navigation", **PLACES)
 
 
 GPS = '[gps]\n[[source]]\nname = "gps"\naddress = "stdin"\nformat = "gps-csv"\nrate_hz = 1\n'

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from bottomlock.live.device import MOST_WAITING, Device
-from bottomlock.live.health import HealthServer, status
+from bottomlock.live.health import status
 from bottomlock.live.loop import cancel
 from bottomlock.live.transports import SECOND, open_source
 from bottomlock.ports.address import source_address
@@ -127,20 +127,11 @@ def test_the_page_is_asked_under_its_own_name(host: bytes, code: int) -> None:
     """An address, localhost or a name of the configuration; another name was pointed here by somebody else."""
     shown = status(flown())
 
-    async def use() -> bytes:
-        server = HealthServer(lambda: shown, "127.0.0.1", 0, names=["rov.local"])
-        opened = asyncio.Event()
-        task = asyncio.create_task(server.run(opened.set))
-        await opened.wait()
-        port = int(server.url.rstrip("/").rsplit(":", 1)[1])
-        answers = [
-            await ask(port, b"GET %s HTTP/1.1\r\n%s\r\n" % (path, host)) for path in (b"/", b"/health")
-        ]
-        await cancel(task)
-        assert len({answer.split(b" ", 2)[1] for answer in answers}) == 1
-        return answers[0]
+    async def use(port: int) -> set[int]:
+        asked = (b"GET %s HTTP/1.1\r\n%s\r\n" % (path, host) for path in (b"/", b"/health"))
+        return {int((await ask(port, one)).split(b" ", 2)[1]) for one in asked}
 
-    assert int(asyncio.run(use()).split(b" ", 2)[1]) == code
+    assert served(lambda: shown, use, "rov.local") == {code}
 
 
 def test_the_client_that_gives_readings_is_heard() -> None:

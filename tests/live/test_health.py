@@ -52,11 +52,11 @@ def test_metrics_are_prometheus_text() -> None:
     assert all(f"# TYPE {name} " in text for name in names)
 
 
-def served(show: Callable[[], dict[str, Any]], use: Callable[[int], Awaitable[Any]]) -> Any:  # noqa: ANN401
-    """What a client gets from a server on a free port."""
+def served(show: Callable[[], dict[str, Any]], use: Callable[[int], Awaitable[Any]], *names: str) -> Any:  # noqa: ANN401
+    """What a client gets from a server of these names on a free port."""
 
     async def both() -> Any:  # noqa: ANN401
-        server = HealthServer(show, "127.0.0.1", 0)
+        server = HealthServer(show, "127.0.0.1", 0, names=names)
         opened = asyncio.Event()
         task = asyncio.create_task(server.run(opened.set))
         await asyncio.wait_for(opened.wait(), 5.0)

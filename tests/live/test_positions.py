@@ -15,13 +15,13 @@ from bottomlock.live.readings import LineReader, MavlinkReader
 from bottomlock.recordings.readings import AcousticPositionReading, GpsReading
 from tests.live.world import (
     LATITUDE_DEG,
-    NAVIGATION_TOML,
     START_NS,
     VELOCITY,
     Arrivals,
     World,
     fly,
     navigator_of,
+    text_of,
 )
 
 SECONDS, HEADING_RAD = 20.0, np.deg2rad(30.0)
@@ -55,10 +55,7 @@ clock = "host"
 
 def navigation(extra: str = "", *, longitude: bool = True) -> LiveConfig:
     place = "\nlongitude_deg = 35.0\nheight_m = 17.0" if longitude else ""
-    text = NAVIGATION_TOML.format(
-        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
-    )
-    text = text.replace("origin.latitude_deg = 32.8\n", "")
+    text = text_of("navigation").replace("origin.latitude_deg = 32.8\n", "")
     text = text.replace(
         "[start]\n", f"[origin]\nlatitude_deg = 32.8{place}\n[start]\nposition_sd_m = [50.0, 50.0, 1.0]\n"
     )

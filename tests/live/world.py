@@ -124,6 +124,19 @@ rate_hz = 10
 """
 
 
+PLACES = {
+    "dvl": "tcp:127.0.0.1:9",
+    "imu": "udpin:127.0.0.1:9",
+    "to": "udpout:127.0.0.1:9",
+    "format": "waterlinked-json",
+}
+
+
+def text_of(mode: str, **places: str) -> str:
+    """The text of a configuration, with other places than `PLACES`."""
+    return (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(**(PLACES | places))
+
+
 def config(
     mode: str = "velocity",
     *,
@@ -133,13 +146,7 @@ def config(
     **addresses: str,
 ) -> LiveConfig:
     """A configuration of the tests, with a text of it that is another."""
-    places = {
-        "dvl": "tcp:127.0.0.1:9",
-        "imu": "udpin:127.0.0.1:9",
-        "to": "udpout:127.0.0.1:9",
-        "format": "waterlinked-json",
-    }
-    text = (VELOCITY_TOML if mode == "velocity" else NAVIGATION_TOML).format(**(places | addresses))
+    text = text_of(mode, **addresses)
     assert change[0] in text
     text = text.replace(*change, 1) if change[0] else text
     return parse_config(text.replace("waterlinked_a50", geometry) + extra, place="test")

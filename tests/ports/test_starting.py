@@ -15,7 +15,7 @@ from bottomlock.live.config import cautions, parse_config
 from bottomlock.live.templates import AUTOPILOTS, template
 from bottomlock.ports.mavlink import Timesync
 from bottomlock.ports.registry import port
-from tests.live.world import NAVIGATION_TOML
+from tests.live.world import text_of
 from tests.ports.cases import JANUS, MASKS, SECOND, START, TRUTH, from_beams, navigated
 from tests.ports.receivers import (
     Px4,
@@ -71,9 +71,7 @@ def test_timesync_is_answered_by_its_definition() -> None:
 
 def test_two_ports_to_one_receiver_count_together() -> None:
     """One sequence of one sender: no message is taken for lost. To another place, or as another component, apart."""
-    text = NAVIGATION_TOML.format(
-        dvl="tcp:127.0.0.1:9", imu="udpin:127.0.0.1:9", to="udpout:127.0.0.1:9", format="waterlinked-json"
-    ).replace(
+    text = text_of("navigation").replace(
         'port = "probe"',
         'port = "odometry"\nsettings.receiver = "ardupilot"\nsettings.receiver_noise_mps = 9.0',
     )

@@ -34,7 +34,6 @@ TIMES_ITS_SIZE = 4.0
 GPS_EPOCH_S, WEEK_S = 315_964_800, 604_800
 _LEAPS_S = (1_341_100_800, 1_435_708_800, 1_483_228_800)
 """Unix times (July 2012, July 2015, 2017) from which GPS is 16, 17 and 18 s ahead of UTC; 15 s before."""
-"""GPS time from 1970, and UTC behind it since 2017."""
 _FIX_3D = 3
 _RESTART_NS = 1_000_000_000
 _AROUND = 10

@@ -396,7 +396,10 @@ def read_beams(
         check_beam_count(place, _beams_of(table, beams), beams)
     time_ns, velocity, valid = read_mapped(table, velocity_names, valid_names, columns, place)
     prior_velocity, prior_sd = _prior(table, place)
-    instrument_valid = _instrument_flag(table, columns.instrument_valid, place)
+    # That of the map, or `instrument_valid` of a beam table if no ping lacks it.
+    flag, instrument_valid = columns.instrument_valid or "instrument_valid", None
+    if columns.instrument_valid or (flag in table.columns and not table[flag].null_count()):
+        instrument_valid = read_flags(table, (flag,), place)[:, 0]
     return Pings(time_ns, velocity, valid, prior_velocity, prior_sd, instrument_valid)
 
 
@@ -454,13 +457,6 @@ def _beams_of(table: pl.DataFrame, least: int) -> int:
     """Beams of a table with the documented columns; beyond the first `least` an empty column is none."""
     names = [name for name in table.columns if re.fullmatch(r"beam[1-8]_mps", name)]
     return sum(int(name[4]) <= least or table[name].null_count() < table.height for name in names)
-
-
-def _instrument_flag(table: pl.DataFrame, mapped: str | None, place: str) -> NDArray[np.bool_] | None:
-    """The column that the map names, or `instrument_valid` of a beam table if no ping lacks it."""
-    name = mapped or "instrument_valid"
-    absent = name not in table.columns or table[name].null_count() > 0
-    return None if mapped is None and absent else read_flags(table, (name,), place)[:, 0]
 
 
 def _prior(table: pl.DataFrame, place: str) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:

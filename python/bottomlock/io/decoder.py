@@ -147,6 +147,19 @@ class Decoder:
         self.account = Account(unit=self.unit)
         self.rows: list[Row] = []
         self.framer = Framer()
+        self._before = ""
+        """The beams of the record before."""
+
+    def fresh(self, position: int, beams: object, valid: list[bool]) -> tuple[list[bool], bool]:
+        """Which beams are a new measurement, and whether they repeat those of the record before.
+
+        All beams lost read alike from record to record without being a repeat; nor is 1 the same as 1.0.
+        """
+        before, self._before = self._before, repr(beams)
+        stale = any(valid) and before == self._before
+        if stale:
+            self.account.flag("stale repeat", position)
+        return [one and (not stale or self.options.keep_stale) for one in valid], stale
 
     @property
     def waiting(self) -> bool:

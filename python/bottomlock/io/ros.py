@@ -139,7 +139,6 @@ class _Decoder(MessageDecoder):
         """Begins."""
         super().__post_init__()
         self._geometry: list[list[list[float]]] = []
-        self._before = ""
 
     def message(self, position: int, arrival_ns: int, message: Any) -> None:  # noqa: ANN401 - the library's own object
         """Takes a message; beams that repeat the message before are no new measurement."""
@@ -174,14 +173,7 @@ class _Decoder(MessageDecoder):
                 f"{message.num_good_beams} and {sum(good)}",
             )
         quality = [float(q) for q in message.beam_quality]
-        beams = repr((velocity, ranges, quality))
-        # All beams lost read alike from ping to ping without being a repeat.
-        stale = any(good) and beams == self._before
-        self._before = beams
-        if stale:
-            account.flag("stale repeat", position)
-            if not self.options.keep_stale:
-                good = [False] * _BEAMS
+        good, stale = self.fresh(position, (velocity, ranges, quality), good)
         spread = [float(message.velocity_covar[k]) for k in (0, 4, 8)]
         axes = [float(message.velocity.x), float(message.velocity.y), float(message.velocity.z)]
         altitude, sound = float(message.altitude), float(message.sound_speed)

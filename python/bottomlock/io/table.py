@@ -82,6 +82,11 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
         negate=options.negate_beams,
     )
     raise_if_empty(account, place, "row")
+    notes = [] if beams else ["no beam velocities: the table holds the instrument's velocity alone"]
+    if beams and columns.lost_when_empty:
+        notes = [
+            "no column says which beams are valid: a beam counts as lost where its cell is empty, nowhere else"
+        ]
     return Recording(
         format=NAME,
         table=table,
@@ -90,18 +95,8 @@ def read_frame(frame: pl.DataFrame, columns: Columns, place: str, options: Optio
         clock=f"column '{columns.time}' in {columns.time_unit}",
         time_of="record",
         quality="as recorded" if columns.quality else "",
-        notes=_notes(beams, columns),
+        notes=notes,
     )
-
-
-def _notes(beams: int, columns: Columns) -> list[str]:
-    if not beams:
-        return ["no beam velocities: the table holds the instrument's velocity alone"]
-    if columns.lost_when_empty:
-        return [
-            "no column says which beams are valid: a beam counts as lost where its cell is empty, nowhere else"
-        ]
-    return []
 
 
 def _beam_columns(

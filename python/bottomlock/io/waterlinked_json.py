@@ -248,7 +248,6 @@ class ReportDecoder(Decoder):
         """Begins."""
         super().__post_init__()
         self.formats: dict[str, int] = {}
-        self._before: list[tuple[Any, ...]] | None = None
 
     def report(self, position: int, time_ns: int, report: Object, sent_ns: int | None = None) -> None:
         """Takes a report; beams that repeat the report before hold no new measurement."""
@@ -272,13 +271,7 @@ class ReportDecoder(Decoder):
         if any(b is not None and not isinstance(one, bool) for b, one in zip(beams, said, strict=True)):
             account.flag("transducer without beam_valid", position)
         block = [tuple(map(b.get, _OF_BEAM)) if b else () for b in beams]
-        # All beams lost reads alike from ping to ping without being a repeat; nor is 1 the same record as 1.0.
-        stale = any(valid) and block == self._before and repr(block) == repr(self._before)
-        self._before = block
-        if stale:
-            account.flag("stale repeat", position)
-            if not self.options.keep_stale:
-                valid = [False] * _BEAMS
+        valid, stale = self.fresh(position, block, valid)
         verdict = report.get("velocity_valid")
         through_water = _of_water(report)
         if through_water:
