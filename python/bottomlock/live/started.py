@@ -85,21 +85,13 @@ def checked(reading: Any, beams: int) -> Any:  # noqa: ANN401 - of the same clas
 
 
 def _checked_beams(reading: Ping | WaterReading, beams: int) -> Ping | WaterReading:
-    arrays: dict[str, Any] = {}
-    counts = {"velocity_mps": beams, "valid": beams, "sd_mps": beams}
-    for name, count in (
-        counts | {"range_m": beams, "instrument_mps": 3} if isinstance(reading, Ping) else counts
-    ).items():
-        given, kind = getattr(reading, name), "b" if name == "valid" else "fiu"
-        array = _array(given)
-        if array.dtype.kind not in kind or array.shape != (count,):
-            found = f"has shape {array.shape}" if array.dtype.kind in kind else f"is {_short(given)}"
-            of = "x, y, z" if name == "instrument_mps" else f"the DVL has {beams} beams"
-            raise KernelError(
-                f"{type(reading).__name__}.{name} {found}",
-                expected=f"{'true or false' if kind == 'b' else 'numbers'}, ({count},): {of}",
-            )
-        arrays[name] = array
+    of_beams, kind = f"the DVL has {beams} beams", type(reading)
+    shapes = dict.fromkeys(("velocity_mps", "valid", "sd_mps"), (beams, of_beams))
+    if kind is Ping:
+        shapes |= {"range_m": (beams, of_beams), "instrument_mps": (3, "x, y, z")}
+    arrays: dict[str, Any] = {
+        name: _array(kind, name, getattr(reading, name), count, of) for name, (count, of) in shapes.items()
+    }
     return replace(reading, time_ns=_time_ns(reading), **arrays)
 
 
@@ -120,21 +112,23 @@ def _numbers(kind: type, name: str, given: Any, count: int, of: str) -> Any:  # 
     if type(given) is tuple and len(given) == count and all(type(one) is float for one in given):
         values = list(given)  # most inertial readings: an array costs ten times as much
     else:
-        array = _array(given)
-        if array.dtype.kind not in "fiu" or array.shape != ((count,) if count else ()):
-            wanted = f"{count} numbers" if count else "a number"
-            raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"{wanted}, {of}")
-        values = array.astype(np.float64).reshape(-1).tolist()
+        values = _array(kind, name, given, count, of).astype(np.float64).reshape(-1).tolist()
     if not all(map(math.isfinite, values)):
         raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"finite numbers, {of}")
     return tuple(values) if count else values[0]
 
 
-def _array(given: Any) -> Any:  # noqa: ANN401 - to be seen
+def _array(kind: type, name: str, given: Any, count: int, of: str) -> Any:  # noqa: ANN401 - to be seen
+    """The array (count,) of a field, or of shape () for 0: of flags where it is `valid`, else of numbers."""
     try:
-        return np.asarray(given)
+        array = np.asarray(given)
     except ValueError:  # lists of unequal lengths
-        return np.array(None)
+        array = np.array(None)
+    is_flags = name == "valid"
+    if array.dtype.kind not in ("b" if is_flags else "fiu") or array.shape != ((count,) if count else ()):
+        wanted = f"{count} {'flags' if is_flags else 'numbers'}" if count else "a number"
+        raise KernelError(f"{kind.__name__}.{name} is {_short(given)}", expected=f"{wanted}, {of}")
+    return array
 
 
 def _short(given: object) -> str:
