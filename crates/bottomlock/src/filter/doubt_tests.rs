@@ -67,6 +67,27 @@ fn the_covariance_holds_both_until_the_readings_are_believed() {
     assert!((filter.state().velocity_p_mps.to_array()[1] - 2.0).abs() < 0.01);
 }
 
+/// Velocities that contradict one that was accepted alone are believed with the second; those after two that were accepted 3 s apart
+/// once they have lasted 3 s, whatever their number.
+#[test]
+fn velocities_are_believed_once_they_have_lasted_as_long_as_those_before() {
+    for (accepted_s, believed_s) in [(vec![1], 3), (vec![1, 4], 8)] {
+        let mut filter = filter();
+        for &at_s in &accepted_s {
+            assert_eq!(push(&mut filter, at_s, [0.0; 3]).0, Verdict::Accepted);
+        }
+        for at_s in accepted_s[accepted_s.len() - 1] + 1..=believed_s {
+            let (verdict, factor) = push(&mut filter, at_s, [0.0, 2.0, 0.0]);
+            assert_eq!(
+                (verdict, factor.is_some()),
+                (Verdict::Rejected, at_s == believed_s),
+                "{at_s}"
+            );
+        }
+        assert_eq!(push(&mut filter, believed_s, [0.0, 2.0, 0.0]).0, Verdict::Accepted);
+    }
+}
+
 /// A reading nearer to the filter than to the others is used, and ends the doubt; where three such readings follow from the other
 /// side it begins again.
 #[test]

@@ -25,7 +25,8 @@
 //! off or the readings are those of fish or of a vessel that passes, and both look alike, until such readings end. Solved
 //! velocities therefore make the velocity as uncertain as their difference d, P + d dᵀ, which holds whichever is right: readings on
 //! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
-//! some of them may be right. After [`LONGEST_DOUBT_NS`] either is used.
+//! some of them may be right. Either is used after [`LONGEST_DOUBT_NS`], or once it has lasted as long as those accepted before: the
+//! first ping after a start has no more to say than the two that follow.
 //!
 //! An angle does not jump, since the gyros would show it, nor does a position beside accepted velocities. Where readings of them do,
 //! these are wrong (a compass near iron, fixes by an echo) or those accepted before were. They are used once they have lasted as
@@ -45,6 +46,10 @@ use crate::state::Covariance;
 
 /// Time from the first reading after a jump to the use of such readings, however long those before it had lasted.
 const LONGEST_DOUBT_OF_A_JUMP_NS: i64 = 300_000_000_000;
+
+/// Rejected velocities that are evidence where they have lasted as long as those accepted before, as after a start whose first ping
+/// was wrong. Set on starts with an autopilot's inertial sensors; tested on fish, lock-outs and recordings.
+const FEWEST: u32 = 2;
 
 /// Part of the variance of a doubted difference that is left where nothing has shown which is right.
 const STILL_HELD: f64 = 0.25;
@@ -141,6 +146,20 @@ impl Run {
         })
     }
 
+    /// Time for which a velocity beyond five sigma is doubted: that for which readings had been accepted, half a minute at most.
+    fn doubt_of_a_velocity_ns(&self) -> i64 {
+        self.accepted_ns.map_or(LONGEST_DOUBT_NS, |[first_ns, last_ns]| {
+            last_ns.saturating_sub(first_ns).min(LONGEST_DOUBT_NS)
+        })
+    }
+
+    /// Whether the run, with a reading now, has lasted as long as what was accepted before it.
+    fn has_outlasted(&self, time_ns: i64) -> bool {
+        let began_ns = if self.is_empty() { time_ns } else { self.since_ns };
+        self.accepted_ns
+            .is_some_and(|[first_ns, last_ns]| time_ns.saturating_sub(began_ns) >= last_ns.saturating_sub(first_ns))
+    }
+
     const fn is_empty(&self) -> bool {
         self.explained + self.doubtful == 0
     }
@@ -230,7 +249,7 @@ impl Eskf {
         if self.is_doubted(innovation, sensor) {
             let run = self.run_mut(sensor);
             run.correction = solved(innovation, VELOCITY);
-            let is_over = time_ns - run.since_ns >= LONGEST_DOUBT_NS;
+            let is_over = time_ns - run.since_ns >= run.doubt_of_a_velocity_ns();
             return Ok(is_over.then(|| Charge {
                 is_of_all: true,
                 ..Charge::none(Some(std::mem::take(run).factor()))
@@ -273,11 +292,16 @@ impl Eskf {
         let doubt_ns = if is_fix || block == ATTITUDE {
             self.run(sensor).doubt_of_a_jump_ns(time_ns)
         } else {
-            is_confirmed.then_some(LONGEST_DOUBT_NS)
+            is_confirmed.then(|| self.run(sensor).doubt_of_a_velocity_ns())
         };
         let is_doubtful = doubt_ns.is_some() && (is_fix || !explains(&both, FIVE_SIGMA_FACTOR));
         let factor = matching_factor(innovation, &whole, &both);
         let run = self.run_mut(sensor);
+        let needed = if block == VELOCITY && run.has_outlasted(time_ns) {
+            needed.min(FEWEST)
+        } else {
+            needed
+        };
         run.push(is_doubtful, factor, solved(innovation, block), time_ns, needed);
         let is_complete = run.explained >= needed;
         let is_over = doubt_ns.is_some_and(|doubt_ns| time_ns - run.since_ns >= doubt_ns);
