@@ -86,45 +86,30 @@ def test_log_from_a_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("columns", "match"),
+    ("time_ns", "mps", "valid", "match"),
     [
-        ({"time_ns": [0, 1]}, "neither beam1_mps"),
-        (
-            {"time_ns": [0, 1], "beam1_mps": [1.0, None], "beam1_valid": [1, 1]},
-            "row 1: column 'beam1_mps' is not",
-        ),
-        (
-            {"time_ns": [0, 1], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 2]},
-            "row 1: column 'beam1_valid' is 2",
-        ),
-        (
-            {"time_ns": [0, 1], "beam1_mps": ["a", "2.0"], "beam1_valid": [1, 1]},
-            "row 0: column 'beam1_mps' is 'a'",
-        ),
-        (
-            {"time_ns": [0, None], "beam1_mps": [1.0, 2.0], "beam1_valid": [1, 1]},
-            "row 1: column 'time_ns' has no time",
-        ),
-        ({"time_ns": [0, 1], "beam1_mps": [1.0, 2.0]}, "column 'beam1_valid' is missing"),
+        ([0, 1], None, None, "neither beam1_mps"),
+        ([0, 1], [1.0, None], [1, 1], "row 1: column 'beam1_mps' is not"),
+        ([0, 1], [1.0, 2.0], [1, 2], "row 1: column 'beam1_valid' is 2"),
+        ([0, 1], ["a", "2.0"], [1, 1], "row 0: column 'beam1_mps' is 'a'"),
+        ([0, None], [1.0, 2.0], [1, 1], "row 1: column 'time_ns' has no time"),
+        ([0, 1], [1.0, 2.0], None, "column 'beam1_valid' is missing"),
     ],
 )
-def test_bad_logs_are_refused(tmp_path: Path, columns: dict[str, list[object]], match: str) -> None:
-    path = write(tmp_path / "log.csv", **columns)
+def test_bad_logs_are_refused(
+    tmp_path: Path, time_ns: object, mps: object, valid: object, match: str
+) -> None:
+    columns = {"time_ns": time_ns, "beam1_mps": mps, "beam1_valid": valid}
+    path = write(tmp_path / "log.csv", **{name: of for name, of in columns.items() if of is not None})
     with pytest.raises(DataError, match=match):
         read_log(path)
 
 
 def test_bad_neighbours_are_refused(tmp_path: Path) -> None:
+    columns = {"time_ns": [0, 1], "roll_rad": [0.0, 0.0], "pitch_rad": [0.0, None], "yaw_rad": [0.0, 0.0]}
+    path = write(tmp_path / "attitude.csv", **columns)
     with pytest.raises(DataError, match="row 1: column 'pitch_rad' is nan"):
-        read_reference(
-            write(
-                tmp_path / "att.csv",
-                time_ns=[0, 1],
-                roll_rad=[0.0, 0.0],
-                pitch_rad=[0.0, None],
-                yaw_rad=[0.0, 0.0],
-            )
-        )
+        read_reference(path)
     with pytest.raises(DataError, match="no such file"):
         audit_file(tmp_path / "nowhere.parquet")
 

@@ -65,50 +65,29 @@ def test_packaged_scenarios_load() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("beam_noise_mps = 0.042", "beam_noise_mps = nan"), "'dvl.beam_noise_mps' is nan"),
-        (
-            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nbeams_lost = [5]"),
-            "lost beam 5 does not exist, expected 1 to 4",
-        ),
-        (
-            ("[imu]", "[[dvl.outages]]\nbeams = [1]\nfrom_s = 2.0\nto_s = 2.0\n[imu]"),
-            "outage ends at 2.0 s, expected after its start at 2.0 s",
-        ),
-        (
-            ("[dvl]\nbeam_noise_mps = 0.042", ""),
-            "'dvl' is missing, expected a section [dvl] with beam_noise_mps",
-        ),
-        (("name = ", "name == "), "not valid TOML"),
-        (("[imu]", '[campaign]\nmethods = ["tc", "tc"]\n[imu]'), "method 'tc' is named twice"),
-        (("[imu]", '[campaign]\nmethods = ["tcc"]\n[imu]'), "unknown method 'tcc', did you mean 'tc'"),
-        (
-            ('kind = "straight"', 'kind = "straight"\nsway_gain_m = 0.6'),
-            "'sway_gain_m' belongs to source = \"analytic\"",
-        ),
-        (
-            ('kind = "straight"', 'kind = "straight"\nsource = "analytic"\nvehicle = "tauv"'),
-            "'vehicle' belongs to source = \"vehicle\"",
-        ),
-        (('kind = "straight"', 'kind = "constant_turn"'), 'source = "analytic" alone'),
-        (('kind = "straight"', 'kind = "waypoints"\nsource = "analytic"'), 'source = "vehicle" alone'),
-        (("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmax_range_m = 50"), "no [seabed] to range to"),
-        (
-            ("beam_noise_mps = 0.042", "beam_noise_mps = 0.042\nmin_range_m = 5\nmax_range_m = 3"),
-            "expected less than max_range_m",
-        ),
-        (
-            (
-                "beam_noise_mps = 0.042",
-                "beam_noise_mps = 0.042\ndropouts = [{beams = [1, 1], mean_up_s = 2, mean_down_s = 1}]",
-            ),
-            "beam 1 stands in two dropouts",
-        ),
+        ("0.042 -> nan", "'dvl.beam_noise_mps' is nan"),
+        ("[dvl]\nbeam_noise_mps = 0.042 ->", "'dvl' is missing, expected a section [dvl] with beam_noise_mps"),
+        ("name = -> name ==", "not valid TOML"),
+        ("straight -> constant_turn", 'source = "analytic" alone'),
+        ('"straight" -> "waypoints"\nsource = "analytic"', 'source = "vehicle" alone'),
+        ('"straight" -> "straight"\nsway_gain_m = 0.6', "'sway_gain_m' belongs to source = \"analytic\""),
+        ('"straight" -> "straight"\nsource = "analytic"\nvehicle = "a"', "'vehicle' belongs to source = \"vehicle\""),
+        # Of [dvl], with which the text ends.
+        ("beams_lost = [5]", "lost beam 5 does not exist, expected 1 to 4"),
+        ("max_range_m = 50", "no [seabed] to range to"),
+        ("min_range_m = 5\nmax_range_m = 3", "expected less than max_range_m"),
+        ("dropouts = [{beams = [1, 1], mean_up_s = 2, mean_down_s = 1}]", "beam 1 stands in two dropouts"),
+        ("outages = [{ beams = [1], from_s = 2.0, to_s = 2.0 }]", "ends at 2.0 s, expected after its start at 2.0 s"),
+        ('[campaign]\nmethods = ["tc", "tc"]', "method 'tc' is named twice"),
+        ('[campaign]\nmethods = ["tcc"]', "unknown method 'tcc', did you mean 'tc'"),
     ],
-)
-def test_faults_name_key_value_range_and_unit(change: tuple[str, str], message: str) -> None:
-    """A user must find the line to mend from the message alone."""
+)  # fmt: skip
+def test_faults_name_key_value_range_and_unit(change: str, message: str) -> None:
+    """A user must find the line to mend from the message alone; `a -> b` replaces, other text is added."""
+    old, arrow, new = (part.strip() for part in change.partition("->"))
+    assert not arrow or old in TEXT
     with pytest.raises(ScenarioError) as caught:
-        parse_scenario(TEXT.replace(*change), place="t.toml")
+        parse_scenario(TEXT.replace(old, new) if arrow else TEXT + change, place="t.toml")
     assert message in str(caught.value)
     assert all(line.startswith("t.toml: ") for line in str(caught.value).splitlines())
 

@@ -85,33 +85,18 @@ def test_stated_bounds_are_the_kernels() -> None:
 
 def test_values_are_checked_by_the_kernels_rules() -> None:
     """What Python's types become; the rules by key are in settings_tests.rs."""
-    for make, key, found, expected in (
-        (lambda: MODEL.imu.replace(gyro_bias_sd_radps=-1.0), "imu.gyro_bias_sd_radps", "-1", ">= 0"),
-        (lambda: MODEL.imu.replace(gyro_bias_sd_radps="3"), "imu.gyro_bias_sd_radps", "'3'", "a number"),
-        (lambda: MODEL.imu.replace(gyro_bias_sd_radps=True), "imu.gyro_bias_sd_radps", "true", "a number"),
-        (
-            lambda: MODEL.initial.replace(position_sd_m=[1.0, 2.0]),
-            "initial.position_sd_m",
-            "2 values",
-            "3 numbers",
-        ),
-        (
-            lambda: MODEL.initial.replace(position_sd_m=[True, 1, 1]),
-            "initial.position_sd_m[0]",
-            "true",
-            "a number",
-        ),
-        (lambda: MODEL.replace(imu=None), "imu", "none", "a table"),
-        (
-            lambda: OPTIONS.replace(levers={"gps_p_m": [np.nan, 0, 0]}),
-            "options.levers.gps_p_m",
-            "NaN",
-            "metres",
-        ),
-        (lambda: OPTIONS.replace(water=[0.1, 600.0]), "options.water", "a list", "a table"),
+    for section, change, key, found, expected in (
+        (MODEL.imu, {"gyro_bias_sd_radps": -1.0}, "imu.gyro_bias_sd_radps", "-1", ">= 0"),
+        (MODEL.imu, {"gyro_bias_sd_radps": "3"}, "imu.gyro_bias_sd_radps", "'3'", "a number"),
+        (MODEL.imu, {"gyro_bias_sd_radps": True}, "imu.gyro_bias_sd_radps", "true", "a number"),
+        (MODEL.initial, {"position_sd_m": [1.0, 2.0]}, "initial.position_sd_m", "2 values", "3 numbers"),
+        (MODEL.initial, {"position_sd_m": [True, 1, 1]}, "initial.position_sd_m[0]", "true", "a number"),
+        (MODEL, {"imu": None}, "imu", "none", "a table"),
+        (OPTIONS, {"levers": {"gps_p_m": [np.nan, 0, 0]}}, "options.levers.gps_p_m", "NaN", "metres"),
+        (OPTIONS, {"water": [0.1, 600.0]}, "options.water", "a list", "a table"),
     ):
         with pytest.raises(KernelError, match=key.replace("[", r"\[")) as caught:
-            make()
+            section.replace(**change)
         assert caught.value.key == key
         assert f"is {found}" in str(caught.value) or f"has {found}" in str(caught.value)
         assert expected in caught.value.expected

@@ -94,27 +94,23 @@ def test_a_users_grid_file(tmp_path: Path) -> None:
     assert (load_grid(tmp_path / "bay.npz").depth_m == bed.depth_m).all()
 
 
+SQUARE = ["[0.0, 1.0]", "[0.0, 1.0]", "[[1.0, 1.0], [1.0, 1.0]]"]
+
+
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("values", "words"),
     [
-        ("north_m = [0.0, 1.0]\n", "'east_m' is missing"),
-        ("north_m = 1 2\n", "not valid TOML"),
-        (
-            "north_m = [1.0, 0.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0], [1.0, 1.0]]\n",
-            "north_m must hold",
-        ),
-        (
-            "north_m = [0.0, 1.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0]]\n",
-            r"shape \(1, 2\), expected \(2, 2\)",
-        ),
-        (
-            "north_m = [0.0, 1.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0], [1.0, nan]]\n",
-            "row 2, column 2",
-        ),
-        ("north_m = [0.0, 1.0, 3.0]\neast_m = [0.0, 1.0]\ndepth_m = [[1.0, 1.0]]\n", "evenly spaced"),
+        (SQUARE[:1], "'east_m' is missing"),
+        (["1 2"], "not valid TOML"),
+        (["[1.0, 0.0]", *SQUARE[1:]], "north_m must hold"),
+        ([*SQUARE[:2], "[[1.0, 1.0]]"], r"shape \(1, 2\), expected \(2, 2\)"),
+        ([*SQUARE[:2], "[[1.0, 1.0], [1.0, nan]]"], "row 2, column 2"),
+        (["[0.0, 1.0, 3.0]", SQUARE[1], "[[1.0, 1.0]]"], "evenly spaced"),
     ],
 )
-def test_bad_grids_are_named(tmp_path: Path, text: str, words: str) -> None:
+def test_bad_grids_are_named(tmp_path: Path, values: list[str], words: str) -> None:
+    names = ("north_m", "east_m", "depth_m")
+    text = "".join(f"{name} = {value}\n" for name, value in zip(names, values, strict=False))
     (tmp_path / "bad.toml").write_text(text)
     with pytest.raises(ScenarioError, match=words):
         load_grid(tmp_path / "bad.toml")

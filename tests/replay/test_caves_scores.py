@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from bottomlock.io.beams import Instrument, Pings, read_beams, read_geometry
-from bottomlock.kernel import solve_velocity
+from bottomlock.kernel import BeamGeometry, solve_velocity
 from bottomlock.replay.beam_noise import BeamNoise, claimed_noise, measure_noise
 from bottomlock.replay.leave_out import leave_out, over_sets
 from bottomlock.replay.robust_fix import OUTLIER_TESTS, solve_robust, solve_scaled
@@ -16,12 +16,39 @@ pytestmark = pytest.mark.recordings
 
 
 @pytest.fixture(scope="module")
-def caves(recordings: Path) -> tuple[Instrument, Pings]:
+def path(recordings: Path) -> Path:
     path = recordings / "caves_girona_linkquest" / "dvl_linkquest.csv"
     if not path.is_file():
         pytest.skip(f"no recording {path}")
+    return path
+
+
+@pytest.fixture(scope="module")
+def caves(path: Path) -> tuple[Instrument, Pings]:
     instrument = read_geometry("linkquest_caves")
     return instrument, read_beams(path, geometry=instrument)
+
+
+@pytest.mark.parametrize("count", [4, 3, 2])
+def test_velocity_of_the_instrument(path: Path, count: int) -> None:
+    """Pings with four or three good beams that it solved: its velocity; of two it gives none, and least squares none.
+
+    Beams along +x, +y, −x, −y at 22° in the instrument's frame, x, y, up. It prints four decimals: ±0.05 mm/s each on
+    beams and answer; 0.2 mm/s holds both.
+    """
+    log = pl.read_csv(path)
+    valid = log.select(f"field.dataGood{k}" for k in range(4)).to_numpy() == 1
+    solved = log["field.velocityInstFlag"].to_numpy() == 1
+    asked = solved & (valid.sum(axis=1) == count) if count > 2 else valid.sum(axis=1) < 3
+    geometry = BeamGeometry.from_angles(np.full(4, np.deg2rad(22.0)), np.deg2rad([0, 90, 180, 270]))
+    beams = log.select(f"field.bottomVelocityBeam{k}" for k in range(4)).to_numpy()
+    fix = solve_velocity(geometry, beams[asked], valid[asked], method="lc", beam_sd_mps=0.02)
+    assert set(fix.status.tolist()) <= ({0} if count > 2 else {2})
+    assert solved[asked].all() if count > 2 else not solved[asked].any()
+    if count > 2:
+        own = log.select(f"field.velocityInst{k}" for k in range(3)).to_numpy()[asked]
+        assert len(own) > 100
+        assert np.abs(fix.velocity_p_mps - own).max() < 2e-4
 
 
 @pytest.fixture(scope="module")
