@@ -111,17 +111,6 @@ def test_every_fault_of_a_file_is_named_in_one_go(kind: str, tmp_path: Path) -> 
     assert len(lines) == len(expected)
 
 
-def test_a_missing_section_is_named_with_its_required_keys() -> None:
-    """A section that is not there is one line, not one for each of its keys."""
-    text = 'name = "a"\ntrajectory.kind = "straight"\ndvl.beam_noise_mps = 0.1\n'
-    with pytest.raises(ScenarioError) as caught:
-        parse_scenario(text, place="a.toml")
-    assert str(caught.value) == (
-        "a.toml: 'imu' is missing, expected a section [imu] with accel_bias_mg, gyro_bias_deg_per_h, "
-        "accel_noise_mps_per_rt_h, gyro_noise_deg_per_rt_h"
-    )
-
-
 def test_a_changed_mission_is_checked_at_once() -> None:
     """Not only when the mission is built."""
     with pytest.raises(ScenarioError, match=r"unknown key 'mission\.leg_mm', did you mean 'leg_m'"):
