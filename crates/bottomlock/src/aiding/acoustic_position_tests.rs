@@ -17,14 +17,7 @@ fn model() -> AcousticPositionModel {
 }
 
 fn motion_of(state: &NavState) -> Motion<'_> {
-    Motion {
-        state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
-    }
+    Motion::still(state)
 }
 
 /// Heading east with the transponder 1 m ahead: R l = (0, 1, 0), so z = (10, 22, 31) − (10, 21, 30) = (0, 1, 1); the slant range is

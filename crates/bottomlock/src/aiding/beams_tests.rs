@@ -5,8 +5,8 @@ use nalgebra::{Matrix3, Vector3, Vector4};
 
 use super::*;
 use crate::dvl::partial::{Assumptions, Component, PartialMethod, fix_estimator};
-use crate::earth::LocalLevel;
 use crate::frames::Vec3;
+use crate::testing::*;
 
 const VELOCITY_P_MPS: [f64; 3] = [2.0, 0.5, -0.25];
 
@@ -23,12 +23,8 @@ fn state() -> NavState {
 
 fn motion_of(state: &NavState) -> Motion<'_> {
     Motion {
-        state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
         gyro_variance: 0.04,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
+        ..Motion::still(state)
     }
 }
 

@@ -24,12 +24,7 @@ fn still(acceleration: [f64; 3]) -> MotionChange {
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
-    BeamSample {
-        time_ns: 0,
-        velocity_mps: [0.5, -0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0],
-        sd_mps: [0.01; 8],
-        valid,
-    }
+    ping_of(0, [0.5, -0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0], 0.01, valid)
 }
 
 /// The columns of mounting and clock.
@@ -45,14 +40,7 @@ fn by_hand() {
     let geometry = BeamGeometry::janus(Janus::X, PI / 6.0).unwrap();
     let mut state = NavState::at_rest(0);
     state.velocity_p_mps = Vec3::new(2.0, 0.0, 0.0);
-    let motion = Motion {
-        state: &state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
-    };
+    let motion = Motion::still(&state);
     let sample = ping(BeamMask::all(4));
     let change = still([0.5, 0.0, 0.0]);
     let terms = calibrated_beam_terms(&motion, &change, &geometry, &Calibration::default(), &sample);
@@ -105,12 +93,10 @@ fn terms_at(state: &NavState, estimate: &Calibration) -> BeamTerms {
         velocity_by_state: SMatrix::from_fn(|i, j| f[VELOCITY + i][j]),
     };
     let motion = Motion {
-        state,
         rate_ip_p_radps: rate,
         earth_rate_t_radps: earth_rate,
         gyro_variance: 1e-6,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
+        ..Motion::still(state)
     };
     let levers = [[1.0, 0.1, 0.2], [0.9, 0.1, 0.2], [0.9, -0.1, 0.2], [1.0, -0.1, 0.3]].map(Vec3::from_array);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
@@ -128,33 +114,23 @@ fn jacobians_are_derivatives() {
         mounting: Rot::exp(Vector3::new(0.05, -0.1, 0.2)),
         clock_s: 0.15,
     };
-    let step = 1e-5;
     for pitch in [0.0, -1.2, 1.569, FRAC_PI_2, -FRAC_PI_2] {
-        let center = state(pitch);
-        let reference = terms_at(&center, &estimate);
-        for j in 0..DIM {
-            let at = |size: f64| {
-                let mut moved = center;
-                let mut error = ErrorVector::zeros();
-                error[j] = size;
-                moved.inject(&error);
-                terms_at(&moved, &estimate).residual
-            };
-            let gap = ((at(-step) - at(step)) / (2.0 * step) - reference.jacobian.column(j)).amax();
-            assert!(gap < 1e-7, "state {j} at pitch {pitch}: {gap}");
-        }
-        let rows = own(&reference);
-        for j in 0..CALIBRATION {
-            let at = |size: f64| {
-                let mut moved = estimate;
-                let mut error = CalibrationVector::zeros();
-                error[j] = size;
-                moved.inject(&error);
-                terms_at(&center, &moved).residual
-            };
-            let gap = ((at(-step) - at(step)) / (2.0 * step) - rows.column(j)).amax();
-            assert!(gap < 1e-7, "unknown {j} at pitch {pitch}: {gap}");
-        }
+        let at = |error: &ErrorVector, by: &CalibrationVector| {
+            let (mut state, mut estimate) = (state(pitch), estimate);
+            state.inject(error);
+            estimate.inject(by);
+            terms_at(&state, &estimate)
+        };
+        let (zero, none, place) = (
+            ErrorVector::zeros(),
+            CalibrationVector::zeros(),
+            format!("pitch {pitch}"),
+        );
+        let stated = at(&zero, &none);
+        assert_slopes(&place, &stated.jacobian, [1e-5, 1e-7], |error| {
+            at(error, &none).residual
+        });
+        assert_slopes(&place, &own(&stated), [1e-5, 1e-7], |by| at(&zero, by).residual);
     }
 }
 
@@ -166,14 +142,7 @@ fn what_no_beam_sees() {
     for speed in [1.0, 0.0] {
         let mut state = NavState::at_rest(0);
         state.velocity_p_mps = Vec3::from(velocity * speed);
-        let motion = Motion {
-            state: &state,
-            rate_ip_p_radps: Vector3::zeros(),
-            earth_rate_t_radps: Vector3::zeros(),
-            gyro_variance: 0.0,
-            level: LocalLevel::of_plane(&state.position_t_m),
-            water: None,
-        };
+        let motion = Motion::still(&state);
         let sample = ping(BeamMask::all(4));
         let terms = calibrated_beam_terms(&motion, &still([0.0; 3]), &geometry, &Calibration::default(), &sample);
         let rows = own(&terms);
@@ -209,33 +178,21 @@ fn a_fix_carries_its_beams() {
     let center = state(0.3);
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
     let noise = BeamNoise::identity() * 1e-4;
-    let step = 1e-5;
     for (valid, rows) in [(BeamMask::all(4), 3), ([0, 1].into_iter().collect(), 2)] {
         let method = PartialMethod::Information;
         let plan = fix_estimator(method, &geometry, valid, &noise, None, &Assumptions::default()).unwrap();
-        let fix = |estimate: &Calibration| {
-            let terms = terms_at(&center, estimate);
+        let fix = |by: &CalibrationVector| {
+            let mut estimate = Calibration::default();
+            estimate.inject(by);
+            let terms = terms_at(&center, &estimate);
             crate::aiding::loosely_coupled(&center, &geometry, &terms, &plan, InformationPort::Axes, None)
         };
-        let reference = fix(&Calibration::default());
-        assert_eq!(reference.rows, rows);
-        let carried = reference.by_further.unwrap();
-        let carried = carried
+        let stated = fix(&CalibrationVector::zeros());
+        assert_eq!(stated.rows, rows);
+        let further = stated.by_further.unwrap();
+        let stated = further
             .fixed_columns::<CALIBRATION>(block::CALIBRATION.first)
             .into_owned();
-        for j in 0..CALIBRATION {
-            let at = |size: f64| {
-                let mut moved = Calibration::default();
-                let mut error = CalibrationVector::zeros();
-                error[j] = size;
-                moved.inject(&error);
-                fix(&moved).residual
-            };
-            let slope = (at(-step) - at(step)) / (2.0 * step);
-            for row in 0..rows {
-                let gap = (slope[row] - carried[(row, j)]).abs();
-                assert!(gap < 1e-7, "unknown {j} of row {row}: {gap}");
-            }
-        }
+        assert_slopes(&format!("{rows} rows"), &stated, [1e-5, 1e-7], |by| fix(by).residual);
     }
 }

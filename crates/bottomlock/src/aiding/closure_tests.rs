@@ -113,12 +113,7 @@ proptest! {
 #[test]
 fn it_stands_after_the_axes() {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
-    let ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [0.1; MAX_BEAMS],
-        sd_mps: [0.04; MAX_BEAMS],
-        valid: BeamMask::all(4),
-    };
+    let ping = ping_of(0, [0.1; MAX_BEAMS], 0.04, BeamMask::all(4));
     let state = NavState::at_rest(0);
     let directions: Vec<[f64; 3]> = (0..4).map(|beam| (*geometry.direction_p(beam)).into()).collect();
     let terms = terms(&directions, |i, j| f64::from(u8::from(i == j)) * 0.0016);

@@ -27,12 +27,7 @@ fn case(velocity_sd: f64, error: [f64; 4]) -> Case {
     };
     let mut covariance = Model::table_2().initial_covariance(false);
     (0..3).for_each(|k| covariance[(VELOCITY + k, VELOCITY + k)] = velocity_sd.powi(2));
-    let mut ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [f64::NAN; MAX_BEAMS],
-        sd_mps: [SD; MAX_BEAMS],
-        valid: BeamMask::all(4),
-    };
+    let mut ping = ping_of(0, [f64::NAN; MAX_BEAMS], SD, BeamMask::all(4));
     (0..4).for_each(|beam| ping.velocity_mps[beam] = geometry.beam_velocity_mps(beam, &motion) + error[beam]);
     Case {
         geometry,
@@ -44,14 +39,7 @@ fn case(velocity_sd: f64, error: [f64; 4]) -> Case {
 
 impl Case {
     fn terms(&self, ping: &BeamSample) -> BeamTerms {
-        let motion = Motion {
-            state: &self.state,
-            rate_ip_p_radps: Vector3::zeros(),
-            earth_rate_t_radps: Vector3::zeros(),
-            gyro_variance: 0.0,
-            level: LocalLevel::of_plane(&self.state.position_t_m),
-            water: None,
-        };
+        let motion = Motion::still(&self.state);
         beam_terms(&motion, &self.geometry, ping)
     }
 

@@ -86,14 +86,7 @@ fn truth() -> TrueMotion {
 
 /// A platform that does not turn.
 fn still(state: &NavState) -> Motion<'_> {
-    Motion {
-        state,
-        rate_ip_p_radps: Vector3::zeros(),
-        earth_rate_t_radps: Vector3::zeros(),
-        gyro_variance: 0.0,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
-    }
+    Motion::still(state)
 }
 
 /// A simulated reading with the given offset, and the first draws of its streams.

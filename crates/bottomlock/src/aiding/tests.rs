@@ -22,12 +22,10 @@ fn state(pitch_deg: f64) -> NavState {
 
 fn motion_of(state: &NavState) -> Motion<'_> {
     Motion {
-        state,
         rate_ip_p_radps: Vector3::from(RATE) - state.gyro_bias_p_radps.0,
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
+        ..Motion::still(state)
     }
 }
 
@@ -39,18 +37,11 @@ fn check_at(name: &str, pitch: f64, residual_of: impl Fn(&Motion<'_>) -> Innovat
         moved.inject(error);
         residual_of(&motion_of(&moved))
     };
-    let reference = at(&ErrorVector::zeros());
-    for j in 0..DIM {
-        let step = 1e-5;
-        let mut error = ErrorVector::zeros();
-        error[j] = step;
-        let slope = (at(&-error).residual - at(&error).residual) / (2.0 * step);
-        let gap = (slope - reference.jacobian.column(j)).amax();
-        assert!(
-            gap < 1e-6 * reference.jacobian.amax().max(1.0),
-            "{name} at pitch {pitch}: column {j} off by {gap}"
-        );
-    }
+    let stated = at(&ErrorVector::zeros()).jacobian;
+    let allowed = 1e-6 * stated.amax().max(1.0);
+    assert_slopes(&format!("{name} at pitch {pitch}"), &stated, [1e-5, allowed], |error| {
+        at(error).residual
+    });
 }
 
 fn check(name: &str, residual_of: impl Fn(&Motion<'_>) -> Innovation) {
@@ -68,12 +59,7 @@ fn geometry() -> BeamGeometry {
 }
 
 fn ping(valid: BeamMask) -> BeamSample {
-    BeamSample {
-        time_ns: 0,
-        velocity_mps: [0.5, -0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0],
-        sd_mps: [0.042; 8],
-        valid,
-    }
+    ping_of(0, [0.5, -0.4, 0.1, 0.2, 0.0, 0.0, 0.0, 0.0], 0.042, valid)
 }
 
 #[test]
@@ -153,41 +139,24 @@ fn acoustic_position_jacobian() {
 fn attitude_jacobians() {
     for pitch in [0.0, 12.0, 89.9, -89.9] {
         let center = state(pitch);
-        let measured = center.attitude_t_p;
-        for j in 0..3 {
-            let mut error = ErrorVector::zeros();
-            error[ATTITUDE + j] = 1e-5;
-            let residual = |error: &ErrorVector| {
-                let mut moved = center;
-                moved.inject(error);
-                attitude(&Motion::still(&moved), &measured, 0.02, 0.1).residual
-            };
-            let slope = (residual(&-error) - residual(&error)) / 2e-5;
-            assert!(
-                (slope
-                    - attitude(&Motion::still(&center), &measured, 0.02, 0.1)
-                        .jacobian
-                        .column(ATTITUDE + j))
-                .amax()
-                    < 1e-6
-            );
-        }
+        let turned = |rho: &Vector3<f64>| {
+            let (mut moved, mut error) = (center, ErrorVector::zeros());
+            error.fixed_rows_mut::<3>(ATTITUDE).copy_from(rho);
+            moved.inject(&error);
+            moved
+        };
+        let at = |rho: &Vector3<f64>| attitude(&Motion::still(&turned(rho)), &center.attitude_t_p, 0.02, 0.1);
+        let stated = at(&Vector3::zeros()).jacobian.fixed_columns::<3>(ATTITUDE).into_owned();
+        assert_slopes(&format!("attitude, {pitch}"), &stated, [1e-5, 1e-6], |rho| {
+            at(rho).residual
+        });
         let yaw = center.attitude_t_p.to_euler_rad()[2];
-        for j in 0..3 {
-            let mut error = ErrorVector::zeros();
-            error[ATTITUDE + j] = 1e-8;
-            let residual = |error: &ErrorVector| {
-                let mut moved = center;
-                moved.inject(error);
-                heading(&Motion::still(&moved), yaw, 0.1).residual[0]
-            };
-            let slope = (residual(&-error) - residual(&error)) / 2e-8;
-            let expected = heading(&Motion::still(&center), yaw, 0.1).jacobian[(0, ATTITUDE + j)];
-            assert!(
-                (slope - expected).abs() < 2e-5 * expected.abs().max(1.0),
-                "pitch {pitch}: {slope} {expected}"
-            );
-        }
+        let at = |rho: &Vector3<f64>| heading(&Motion::still(&turned(rho)), yaw, 0.1);
+        let stated = at(&Vector3::zeros()).jacobian.fixed_columns::<3>(ATTITUDE).into_owned();
+        let allowed = 2e-5 * stated.amax().max(1.0);
+        assert_slopes(&format!("yaw, {pitch}"), &stated, [1e-8, allowed], |rho| {
+            at(rho).residual
+        });
     }
 }
 

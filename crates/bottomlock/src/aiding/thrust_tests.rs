@@ -1,8 +1,8 @@
 //! The row by hand, against differences, and blind to what it cannot tell.
 
 use super::*;
-use crate::aiding::current_layers::{LAYER_STATES, Layers, LayersPrior};
 use crate::aiding::water::tests::{example, motion as motion_at};
+use crate::aiding::water_track::tests::layers;
 use crate::testing::*;
 
 const RATE: [f64; 3] = [0.1, -0.2, 0.3];
@@ -14,13 +14,6 @@ fn sample() -> ThrustSample {
         speed_p_mps: Vec3::new(1.7, -0.4, 0.3),
         sd_mps: 0.01,
     }
-}
-
-/// Layers about 22 m of depth, each with a current of its own.
-fn layers() -> (Layers, LayerVector) {
-    let mut layers = Layers::new(&LayersPrior::default()).unwrap();
-    layers.enclose(12.0, 38.0);
-    (layers, [0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09].into())
 }
 
 fn row_of(axis: usize, state: &NavState, water: &Water<'_>, lever_p_m: &Vec3<Platform>) -> Innovation {
@@ -93,67 +86,30 @@ fn the_row_is_the_derivative() {
         let ((mut state, water), (layers, own_mps)) = (example(pitch), layers());
         let water = Water::common(&water).with(&layers, &own_mps);
         state.position_t_m = Vec3::new(40.0, -20.0, 22.0);
-        // What the filter adds: a n + s.
-        let own = [1.1, 0.03];
-        let at = |error: &ErrorVector, by: &WaterVector, by_layer: &LayerVector, by_thrust: [f64; 2]| {
+        let at = |error: &ErrorVector, by: &FurtherVector| {
             let (mut state, mut water) = (state, water);
             state.inject(error);
-            water.inject(error[ATTITUDE + 2], by, by_layer);
+            water.inject(error[ATTITUDE + 2], &part(by, block::WATER), &part(by, block::LAYERS));
             let motion = motion_at(&state, RATE);
             let at = water.at(motion.level.depth_m);
             let current_t = Vector3::new(at.water[CURRENT], at.water[CURRENT + 1], 0.0);
             let relative_p = state.velocity_p_mps.0 + motion.rate_tp().cross(&lever.0)
                 - state.attitude_t_p.matrix().tr_mul(&current_t);
-            (own[0] + by_thrust[0]) * sample().speed_p_mps.0[axis] + own[1] + by_thrust[1] - relative_p[axis]
+            // What the filter adds: a n + s.
+            let own = part::<THRUST>(by, block::THRUST);
+            let said = (1.1 + own[SCALE + axis]) * sample().speed_p_mps.0[axis] + 0.03 + own[SLIP + axis];
+            SVector::from([said - relative_p[axis]])
         };
         let row = row_of(axis, &state, &water, &lever);
-        let further = row.by_further.as_deref().unwrap();
-        let (none, zero, still, step) = (WaterVector::zeros(), ErrorVector::zeros(), LayerVector::zeros(), 1e-5);
-        let check = |ahead: f64, behind: f64, expected: f64, name: &str, j: usize| {
-            let slope = (behind - ahead) / (2.0 * step);
-            assert!(
-                (slope - expected).abs() < 1e-8,
-                "pitch {pitch}, axis {axis}, {name} {j}: {slope}"
-            );
-        };
-        for j in 0..DIM {
-            let error = ErrorVector::ith(j, step);
-            let moved = |error| at(error, &none, &still, [0.0; 2]);
-            check(moved(&error), moved(&-error), row.jacobian[(0, j)], "state", j);
-        }
-        for j in 0..WATER {
-            let by = WaterVector::ith(j, step);
-            let moved = |by| at(&zero, by, &still, [0.0; 2]);
-            check(
-                moved(&by),
-                moved(&-by),
-                further[(0, block::WATER.first + j)],
-                "water",
-                j,
-            );
-        }
-        for j in 0..LAYER_STATES {
-            let by = LayerVector::ith(j, step);
-            let moved = |by| at(&zero, &none, by, [0.0; 2]);
-            check(
-                moved(&by),
-                moved(&-by),
-                further[(0, block::LAYERS.first + j)],
-                "layer",
-                j,
-            );
-        }
-        for j in 0..THRUST {
-            let by = SVector::<f64, THRUST>::ith(j, step);
-            let moved = |by: SVector<f64, THRUST>| at(&zero, &none, &still, [by[SCALE + axis], by[SLIP + axis]]);
-            check(
-                moved(by),
-                moved(-by),
-                further[(0, block::THRUST.first + j)],
-                "thrust",
-                j,
-            );
-        }
+        let (zero, none, place) = (
+            ErrorVector::zeros(),
+            FurtherVector::zeros(),
+            format!("pitch {pitch}, axis {axis}"),
+        );
+        let stated = row.jacobian.fixed_rows::<1>(0).into_owned();
+        assert_slopes(&place, &stated, [1e-5, 1e-8], |error| at(error, &none));
+        let stated = row.by_further.unwrap().fixed_rows::<1>(0).into_owned();
+        assert_slopes(&place, &stated, [1e-5, 1e-8], |by| at(&zero, by));
     }
 }
 
@@ -186,18 +142,11 @@ fn models_are_checked() {
         slip_sd_mps: [0.0, 0.02, 0.0],
         ..ThrustModel::default()
     };
-    assert_eq!(good.require_usable(), Ok(()));
     assert_eq!([0, 1, 2].map(|axis| good.has(axis)), [false, true, false]);
-    type Change = fn(&mut ThrustModel);
-    let changes: [(&str, Change); 3] = [
+    let faults: [(&str, fn(&mut ThrustModel)); 3] = [
         ("thrust.scale_sd", |model| model.scale_sd[2] = f64::INFINITY),
         ("thrust.slip_sd_mps", |model| model.slip_sd_mps[1] = 0.0),
         ("thrust.slip_sd_mps", |model| model.slip_sd_mps[1] = 1e5),
     ];
-    for (field, change) in changes {
-        let mut model = good;
-        change(&mut model);
-        let text = model.require_usable().unwrap_err().to_string();
-        assert!(text.contains(field), "{text}");
-    }
+    assert_refused(&good, ThrustModel::require_usable, &faults);
 }

@@ -7,12 +7,10 @@ const EARTH: [f64; 3] = [6.1e-5, 0.0, -4.0e-5];
 
 pub(in crate::aiding) fn motion(state: &NavState, rate_p_radps: [f64; 3]) -> Motion<'_> {
     Motion {
-        state,
         rate_ip_p_radps: Vector3::from(rate_p_radps) - state.gyro_bias_p_radps.0,
         earth_rate_t_radps: Vector3::from(EARTH),
         gyro_variance: 1e-6,
-        level: LocalLevel::of_plane(&state.position_t_m),
-        water: None,
+        ..Motion::still(state)
     }
 }
 
@@ -70,32 +68,22 @@ fn rows_are_the_derivatives() {
         let (state, water) = example(pitch);
         for (name, row_of) in ROWS {
             let at = |error: &ErrorVector, by: &WaterVector| {
-                let (mut state, mut water) = (state, water);
+                let (mut state, mut moved) = (state, Water::common(&water));
                 state.inject(error);
-                let mut moved = Water::common(&water);
                 moved.inject(error[ATTITUDE + 2], by, &LayerVector::zeros());
-                water = moved.estimate;
-                row_of(&motion(&state, [0.1, -0.2, 0.3]), &water).residual
+                row_of(&motion(&state, [0.1, -0.2, 0.3]), &moved.estimate)
             };
-            let row = row_of(&motion(&state, [0.1, -0.2, 0.3]), &water);
-            let (none, step) = (WaterVector::zeros(), 1e-5);
-            for j in 0..DIM {
-                let error = ErrorVector::ith(j, step);
-                let slope = (at(&-error, &none) - at(&error, &none)) / (2.0 * step);
-                assert!(
-                    (slope - row.by_state[j]).abs() < 1e-9,
-                    "{name}, pitch {pitch}, state {j}"
-                );
-            }
-            for j in 0..WATER {
-                let by = WaterVector::ith(j, step);
-                let zero = ErrorVector::zeros();
-                let slope = (at(&zero, &-by) - at(&zero, &by)) / (2.0 * step);
-                assert!(
-                    (slope - row.by_water[j]).abs() < 1e-9,
-                    "{name}, pitch {pitch}, further state {j}"
-                );
-            }
+            let (row, place) = (
+                at(&ErrorVector::zeros(), &WaterVector::zeros()),
+                format!("{name}, {pitch}"),
+            );
+            let residual = |row: WaterRow| SVector::from([row.residual]);
+            assert_slopes(&place, &row.by_state.transpose(), [1e-5, 1e-9], |error| {
+                residual(at(error, &WaterVector::zeros()))
+            });
+            assert_slopes(&place, &row.by_water.transpose(), [1e-5, 1e-9], |by| {
+                residual(at(&ErrorVector::zeros(), by))
+            });
         }
     }
 }

@@ -131,4 +131,4 @@ pub fn water_track_terms(
 
 #[cfg(test)]
 #[path = "water_track_tests.rs"]
-mod tests;
+pub(in crate::aiding) mod tests;

@@ -1,7 +1,7 @@
 //! The rows by hand, against differences, and blind to what the water alone leaves open.
 
 use super::*;
-use crate::aiding::current_layers::{LAYER_STATES, Layers, LayersPrior};
+use crate::aiding::current_layers::{Layers, LayersPrior};
 use crate::aiding::water::tests::{example as moving, motion as motion_at};
 use crate::testing::*;
 
@@ -24,18 +24,13 @@ fn motion(state: &NavState) -> Motion<'_> {
 
 fn sample(valid: BeamMask) -> WaterSample {
     WaterSample {
-        ping: BeamSample {
-            time_ns: 0,
-            velocity_mps: std::array::from_fn(|beam| 0.3 * beam as f64 - 0.4),
-            sd_mps: [0.05; MAX_BEAMS],
-            valid,
-        },
+        ping: ping_of(0, std::array::from_fn(|beam| 0.3 * beam as f64 - 0.4), 0.05, valid),
         range_m: 7.0,
     }
 }
 
-/// Layers about the depth of the example, each with a current of its own.
-fn layers() -> (Layers, LayerVector) {
+/// Layers about 22 m of depth, each with a current of its own.
+pub(in crate::aiding) fn layers() -> (Layers, LayerVector) {
     let mut layers = Layers::new(&LayersPrior::default()).unwrap();
     layers.enclose(12.0, 38.0);
     (layers, [0.1, -0.05, 0.02, 0.08, -0.07, 0.03, 0.04, -0.09].into())
@@ -119,7 +114,8 @@ fn a_layer_by_hand() {
     assert!((found.jacobian[(0, POSITION + 2)] - 0.6 * 0.04).abs() < 1e-15);
 }
 
-/// H against central differences when the estimate moves, also where the vehicle stands on end and with beams lost.
+/// H against central differences when the estimate moves, also where the vehicle stands on end and beams are lost; between layers,
+/// whose current at a cell moves with its depth.
 #[test]
 fn rows_are_the_derivatives() {
     for (pitch, valid) in [0.0, 12.0, -70.0, 89.9, -89.9, 90.0]
@@ -130,41 +126,23 @@ fn rows_are_the_derivatives() {
         let water = Water::common(&water).with(&layers, &own_mps);
         state.position_t_m = Vec3::new(40.0, -20.0, 22.0);
         let sample = sample(valid);
-        let at = |error: &ErrorVector, by: &WaterVector, by_layer: &LayerVector| {
+        let at = |error: &ErrorVector, by: &FurtherVector| {
             let (mut state, mut water) = (state, water);
             state.inject(error);
-            water.inject(error[ATTITUDE + 2], by, by_layer);
-            terms(&state, &water, &sample).residual
+            water.inject(error[ATTITUDE + 2], &part(by, block::WATER), &part(by, block::LAYERS));
+            terms(&state, &water, &sample)
         };
-        let whole = terms(&state, &water, &sample);
-        let further = whole.by_further.as_deref().unwrap();
-        let (none, zero, still, step) = (WaterVector::zeros(), ErrorVector::zeros(), LayerVector::zeros(), 1e-5);
-        for beam in valid.iter() {
-            for j in 0..DIM {
-                let error = ErrorVector::ith(j, step);
-                let slope = (at(&-error, &none, &still) - at(&error, &none, &still))[beam] / (2.0 * step);
-                assert!(
-                    (slope - whole.jacobian[(beam, j)]).abs() < 1e-8,
-                    "pitch {pitch}, beam {beam}, state {j}"
-                );
-            }
-            for j in 0..WATER {
-                let by = WaterVector::ith(j, step);
-                let slope = (at(&zero, &-by, &still) - at(&zero, &by, &still))[beam] / (2.0 * step);
-                assert!(
-                    (slope - further[(beam, block::WATER.first + j)]).abs() < 1e-9,
-                    "pitch {pitch}, beam {beam}, further state {j}"
-                );
-            }
-            for j in 0..LAYER_STATES {
-                let by = LayerVector::ith(j, step);
-                let slope = (at(&zero, &none, &-by) - at(&zero, &none, &by))[beam] / (2.0 * step);
-                assert!(
-                    (slope - further[(beam, block::LAYERS.first + j)]).abs() < 1e-9,
-                    "pitch {pitch}, beam {beam}, layer {j}"
-                );
-            }
-        }
+        let (zero, none, place) = (
+            ErrorVector::zeros(),
+            FurtherVector::zeros(),
+            format!("pitch {pitch}, {valid:?}"),
+        );
+        let stated = at(&zero, &none);
+        assert_slopes(&place, &stated.jacobian, [1e-5, 1e-8], |error| {
+            at(error, &none).residual
+        });
+        let stated = stated.by_further.unwrap();
+        assert_slopes(&place, &stated, [1e-5, 1e-9], |by| at(&zero, by).residual);
     }
 }
 

@@ -1,4 +1,5 @@
 use super::*;
+use crate::testing::assert_refused;
 
 /// Eqs. 13 and 14 by hand: beam 2 of the x-Janus points aft and right.
 #[test]
@@ -106,7 +107,6 @@ fn motions_are_finite() {
         beam_bias_mps: [0.0; 4],
         scale_factor: 0.0,
     };
-    assert_eq!(good.validate(), Ok(()));
     type Fault = (&'static str, fn(&mut BeamMotion));
     let faults: [Fault; 4] = [
         ("velocity_p_mps", |motion| motion.velocity_p_mps.y = f64::NAN),
@@ -114,12 +114,7 @@ fn motions_are_finite() {
         ("beam_bias_mps", |motion| motion.beam_bias_mps[3] = f64::NAN),
         ("scale_factor", |motion| motion.scale_factor = f64::NAN),
     ];
-    for (words, change) in faults {
-        let mut motion = good;
-        change(&mut motion);
-        let text = motion.validate().expect_err(words).to_string();
-        assert!(text.contains(words), "{text} has no {words}");
-    }
+    assert_refused(&good, BeamMotion::validate, &faults);
 }
 
 /// A ping's fault names the beam, counted from 1, the number and what was expected; beams that are flagged may hold anything.

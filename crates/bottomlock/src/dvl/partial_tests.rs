@@ -13,12 +13,7 @@ pub(super) fn janus() -> BeamGeometry {
 }
 
 pub(super) fn ping(values: &[f64], valid: &[usize]) -> BeamSample {
-    let mut ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [f64::NAN; MAX_BEAMS],
-        sd_mps: [f64::NAN; MAX_BEAMS],
-        valid: valid.iter().copied().collect(),
-    };
+    let mut ping = ping_of(0, [f64::NAN; MAX_BEAMS], f64::NAN, valid.iter().copied().collect());
     for &beam in valid {
         ping.velocity_mps[beam] = values[beam];
         ping.sd_mps[beam] = SIGMA[beam];

@@ -24,17 +24,7 @@ const JOINT: Gate = Gate::Joint;
 
 /// Surge and sway, off by so many σ of the innovation.
 fn measured(sigmas: [f64; 2]) -> Innovation {
-    let mut innovation = Innovation {
-        rows: 2,
-        degrees: 2,
-        ..Innovation::empty()
-    };
-    for row in 0..2 {
-        innovation.residual[row] = sigmas[row] * SD * 2_f64.sqrt();
-        innovation.jacobian[(row, VELOCITY + row)] = 1.0;
-        innovation.noise[(row, row)] = SD * SD;
-    }
-    innovation
+    velocity_rows(&sigmas.map(|sigma| sigma * SD * 2_f64.sqrt()), SD * SD)
 }
 
 /// Rows that the other filter accepted are used, whatever the own gate says, and no others; the gate is there again afterwards.

@@ -17,12 +17,12 @@ fn geometry(order: [usize; MAX_BEAMS]) -> BeamGeometry {
 
 /// A ping of all beams in an order, each with a reading of its own.
 fn ping(order: [usize; MAX_BEAMS], time_ns: i64) -> BeamSample {
-    BeamSample {
+    ping_of(
         time_ns,
-        velocity_mps: order.map(|k| 0.01 * ((7 * k) % 5) as f64),
-        sd_mps: [0.02; MAX_BEAMS],
-        valid: BeamMask::all(MAX_BEAMS),
-    }
+        order.map(|k| 0.01 * ((7 * k) % 5) as f64),
+        0.02,
+        BeamMask::all(MAX_BEAMS),
+    )
 }
 
 fn filter(beams: usize) -> Eskf {

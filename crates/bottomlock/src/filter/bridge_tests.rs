@@ -39,11 +39,7 @@ fn uncertainty_after_two_seconds() {
             ..Options::default()
         };
         let mut filter = Eskf::new(NavState::at_rest(0), &model, &options).unwrap();
-        let at = |time_ns| ImuSample {
-            time_ns,
-            rate_p_radps: Vec3::zeros(),
-            force_p_mps2: Vec3::new(0.0, 0.0, -model.environment.gravity_mps2),
-        };
+        let at = |time_ns| imu(time_ns, [0.0; 3], [0.0, 0.0, -model.environment.gravity_mps2]);
         filter.predict(&at(0), &at(10_000_000)).unwrap();
         let further = BridgeNoise::between(10_000_000, 2_010_000_000, &options.imu_limits).unwrap();
         let own = filter.begin_bridge(&further);

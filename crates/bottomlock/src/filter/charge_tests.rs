@@ -152,15 +152,7 @@ fn water_track_is_taken_again() {
     let filter = Eskf::new(state, &Model::table_2(), &options).unwrap();
     let mut filter = filter.with_water(Some(WaterBlock::new(&WaterPrior::default())));
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
-    let mut ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [f64::NAN; MAX_BEAMS],
-        sd_mps: [0.02; MAX_BEAMS],
-        valid: BeamMask::all(4),
-    };
-    for beam in 0..4 {
-        ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(2.0, 5.0, 0.0));
-    }
+    let ping = ping_at(&geometry, [2.0, 5.0, 0.0], 0.02);
     let sample = WaterSample { ping, range_m: 0.0 };
     let mut charges = Vec::new();
     for _ in 0..2 {

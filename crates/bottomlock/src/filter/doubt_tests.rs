@@ -139,12 +139,7 @@ fn what_other_sensors_show_ends_the_doubt() {
 fn beams_are_believed_after_half_a_minute() {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
     let mut filter = filter();
-    let mut ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [1.0; MAX_BEAMS],
-        sd_mps: [0.04; MAX_BEAMS],
-        valid: BeamMask::all(3),
-    };
+    let mut ping = ping_of(0, [1.0; MAX_BEAMS], 0.04, BeamMask::all(3));
     ping.velocity_mps[1] = -1.0;
     let before = velocity_covariance(&filter);
     let mut factors = Vec::new();

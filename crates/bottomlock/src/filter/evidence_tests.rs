@@ -230,12 +230,7 @@ fn only_what_a_covariance_explains_counts() {
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
     let inflates = |error: [f64; 4]| {
         let mut filter = filter(&Model::table_2());
-        let mut ping = BeamSample {
-            time_ns: 0,
-            velocity_mps: [0.0; MAX_BEAMS],
-            sd_mps: [0.04; MAX_BEAMS],
-            valid: BeamMask::all(4),
-        };
+        let mut ping = ping_of(0, [0.0; MAX_BEAMS], 0.04, BeamMask::all(4));
         ping.velocity_mps[..4].copy_from_slice(&error);
         let innovation = filter.with_motion(|motion| tightly_coupled(&beam_terms(motion, &geometry, &ping), &ping));
         let factors: [Option<f64>; 6] = std::array::from_fn(|_| noted(&mut filter, &innovation, Sensor::Beams, false));

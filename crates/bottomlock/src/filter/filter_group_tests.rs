@@ -29,10 +29,12 @@ fn filters(period_ns: i64) -> Vec<Eskf> {
 /// Readings of filter k; the last spins so fast that its rotation leaves the series that its neighbours' stays in.
 fn stream(k: usize) -> Vec<ImuSample> {
     let spin = if k + 1 == FILTERS { 180.0 } else { 0.2 };
-    let sample = |at: usize| ImuSample {
-        time_ns: at as i64 * 6_666_667,
-        rate_p_radps: Vec3::new(0.01, spin * (0.1 * at as f64).cos(), 0.02 * k as f64),
-        force_p_mps2: Vec3::new((at as f64).sin(), 0.1, -9.8 + 0.01 * k as f64),
+    let sample = |at: usize| {
+        imu(
+            at as i64 * 6_666_667,
+            [0.01, spin * (0.1 * at as f64).cos(), 0.02 * k as f64],
+            [(at as f64).sin(), 0.1, -9.8 + 0.01 * k as f64],
+        )
     };
     (0..SAMPLES).map(sample).collect()
 }

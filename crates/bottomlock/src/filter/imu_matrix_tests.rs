@@ -137,11 +137,7 @@ fn covariance_is_that_of_wrong_readings() {
 #[test]
 fn a_level_vehicle_has_its_biases_alone() {
     let gravity = Model::table_2().environment.gravity_mps2;
-    let sample = |k: i64| ImuSample {
-        time_ns: k * STEP_NS,
-        rate_p_radps: Vec3::zeros(),
-        force_p_mps2: Vec3::new(0.0, 0.0, -gravity),
-    };
+    let sample = |k: i64| imu(k * STEP_NS, [0.0; 3], [0.0, 0.0, -gravity]);
     let after = |sd: [f64; 4]| {
         let mut own = filter(sd, 100_000_000);
         own.predict_along(&(0..=1000).map(sample).collect::<Vec<_>>()).unwrap();

@@ -23,10 +23,12 @@ fn filter(period_ns: i64, sampling: Sampling, water: bool) -> Eskf {
 }
 
 fn samples(count: usize) -> Vec<ImuSample> {
-    let sample = |at: usize| ImuSample {
-        time_ns: at as i64 * 6_666_667,
-        rate_p_radps: Vec3::new(0.01, 0.2 * (0.1 * at as f64).cos(), 0.02),
-        force_p_mps2: Vec3::new((at as f64).sin(), 0.1, -9.8),
+    let sample = |at: usize| {
+        imu(
+            at as i64 * 6_666_667,
+            [0.01, 0.2 * (0.1 * at as f64).cos(), 0.02],
+            [(at as f64).sin(), 0.1, -9.8],
+        )
     };
     (0..count).map(sample).collect()
 }

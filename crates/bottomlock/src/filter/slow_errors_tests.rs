@@ -9,12 +9,7 @@ fn filter_of(change: impl FnOnce(&mut Model)) -> Eskf {
     let mut model = Model::table_2();
     model.initial.attitude_sd_rad = [0.1; 3];
     change(&mut model);
-    let options = Options {
-        gate: Gate::Off,
-        covariance_period_ns: 0,
-        ..Options::default()
-    };
-    Eskf::new(NavState::at_rest(0), &model, &options).unwrap()
+    Eskf::new(NavState::at_rest(0), &model, &every_step()).unwrap()
 }
 
 /// At rest with a depth of 2.3 m where 0 is expected: a bias of 0.3 m beside a position of 2 m takes 0.3²/(2² + 0.3² + 0.02²) of it;
@@ -234,14 +229,7 @@ fn a_velocity_goes_back_to_its_mean() {
     let surge = |filter: &mut Eskf, speed_mps: Option<f64>| {
         let state = filter.state();
         if let Some(speed_mps) = speed_mps {
-            let mut innovation = crate::aiding::Innovation {
-                rows: 1,
-                degrees: 1,
-                ..crate::aiding::Innovation::empty()
-            };
-            innovation.jacobian[(0, VELOCITY)] = 1.0;
-            innovation.residual[0] = speed_mps - state.velocity_p_mps.0.x;
-            innovation.noise[(0, 0)] = 1e-6;
+            let innovation = velocity_rows(&[speed_mps - state.velocity_p_mps.0.x], 1e-6);
             filter.update(&innovation, Sensor::Velocity).unwrap();
         }
         filter

@@ -174,11 +174,7 @@ fn a_covariance_is_symmetric_and_positive() {
 fn a_motion_has_the_rate_without_its_bias() {
     let mut filter = filter();
     filter.state.gyro_bias_p_radps = Vec3::new(0.0, 0.25, 0.0);
-    let reading = ImuSample {
-        time_ns: 0,
-        rate_p_radps: Vec3::new(0.1, 0.2, 0.3),
-        force_p_mps2: Vec3::new(0.0, 0.0, -9.8),
-    };
+    let reading = imu(0, [0.1, 0.2, 0.3], [0.0, 0.0, -9.8]);
     filter.note_rate(&reading);
     let density = filter.settings.noise.gyro;
     assert!(density > 0.0);

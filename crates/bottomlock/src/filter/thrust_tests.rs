@@ -11,10 +11,8 @@ use crate::testing::*;
 
 fn filter(state: NavState) -> Eskf {
     let options = Options {
-        gate: Gate::Off,
         thrust: ThrustUse::Velocity,
-        covariance_period_ns: 0,
-        ..Options::default()
+        ..every_step()
     };
     let mut model = Model::table_2();
     model.sensors.thrust = ThrustModel {

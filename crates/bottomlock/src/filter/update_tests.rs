@@ -39,16 +39,8 @@ fn rows_are_rejected_one_by_one() {
     };
     let filter = || Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
     for wild in 0..3 {
-        let mut innovation = Innovation {
-            rows: 3,
-            degrees: 3,
-            ..Innovation::empty()
-        };
-        for row in 0..3 {
-            innovation.residual[row] = if row == wild { 5.0 } else { 0.01 * (row as f64 + 1.0) };
-            innovation.jacobian[(row, crate::layout::VELOCITY + row)] = 1.0;
-            innovation.noise[(row, row)] = 0.01;
-        }
+        let residual = |row| if row == wild { 5.0 } else { 0.01 * (row as f64 + 1.0) };
+        let innovation = velocity_rows(&[0, 1, 2].map(residual), 0.01);
         let (mut whole, mut others) = (filter(), filter());
         let report = whole.update(&innovation, Sensor::Velocity).unwrap();
         assert_eq!(

@@ -1,14 +1,10 @@
 //! Ranges and clipping, by hand.
 
 use super::*;
-use crate::frames::Vec3;
+use crate::testing::*;
 
 fn reading(rate: [f64; 3], force: [f64; 3]) -> ImuSample {
-    ImuSample {
-        time_ns: 0,
-        rate_p_radps: Vec3::from_array(rate),
-        force_p_mps2: Vec3::from_array(force),
-    }
+    imu(0, rate, force)
 }
 
 /// By hand, at the default full scales of 10 rad/s and 100 m/s²: a converter of 16 bits ends at 32767/32768 of them.

@@ -3,6 +3,7 @@
 use super::*;
 use crate::earth::{Earth, EarthModel, Environment, in_lanes};
 use crate::simd::{Lanes, Simd, f64x4, f64x8, on_one_level, scatter};
+use crate::testing::*;
 
 fn still_earth() -> EarthTerms<f64> {
     EarthTerms {
@@ -189,11 +190,7 @@ fn coriolis_by_hand() {
 /// A quarter of the way between two samples.
 #[test]
 fn a_sample_between_two() {
-    let sample = |time_ns, rate: [f64; 3], force: [f64; 3]| ImuSample {
-        time_ns,
-        rate_p_radps: Vec3::from_array(rate),
-        force_p_mps2: Vec3::from_array(force),
-    };
+    let sample = |time_ns, rate: [f64; 3], force: [f64; 3]| imu(time_ns, rate, force);
     let start = sample(1000, [0.0, 4.0, -8.0], [8.0, 0.0, 4.0]);
     let end = sample(5000, [4.0, 0.0, 0.0], [0.0, 4.0, 8.0]);
     let expected = sample(2000, [1.0, 3.0, -6.0], [6.0, 1.0, 5.0]);

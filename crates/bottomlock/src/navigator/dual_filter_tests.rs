@@ -49,29 +49,20 @@ fn starts(filters: &DualFilter) -> [u64; 2] {
 /// Surge, measured with σ of 1 m/s: off by so much from the filter on the measurements alone and from the constrained one.
 fn surge(alone_mps: f64, constrained_mps: f64) -> impl Fn(&Eskf) -> Innovation {
     move |filter: &Eskf| {
-        let mut innovation = Innovation {
-            rows: 1,
-            degrees: 1,
-            ..Innovation::empty()
-        };
-        innovation.residual[0] = if filter.water().is_some() {
-            constrained_mps
-        } else {
-            alone_mps
-        };
-        innovation.jacobian[(0, VELOCITY)] = 1.0;
-        innovation.noise[(0, 0)] = 1.0;
-        innovation
+        let is_alone = filter.water().is_none();
+        velocity_rows(&[if is_alone { alone_mps } else { constrained_mps }], 1.0)
     }
 }
 
 /// Leads both through what a vehicle at rest reads, every tenth of a second.
 fn rest(filters: &mut DualFilter, seconds: i64) {
     let start_ns = filters.best().time_ns();
-    let sample = |k: i64| ImuSample {
-        time_ns: start_ns + k * 100_000_000,
-        rate_p_radps: Vec3::zeros(),
-        force_p_mps2: Vec3::new(0.0, 0.0, -filters.best().gravity_mps2()),
+    let sample = |k: i64| {
+        imu(
+            start_ns + k * 100_000_000,
+            [0.0; 3],
+            [0.0, 0.0, -filters.best().gravity_mps2()],
+        )
     };
     let samples: Vec<_> = (0..=10 * seconds).map(sample).collect();
     for pair in samples.windows(2) {
@@ -260,11 +251,7 @@ fn one_filter_has_no_assumptions() {
 fn both_filters_are_led() {
     let mut filters = filters([0.3, 0.0, 0.0], &WaterPrior::default());
     assert_eq!((filters.each().count(), filters.each_mut().count()), (2, 2));
-    let turning = ImuSample {
-        time_ns: 0,
-        rate_p_radps: Vec3::new(0.0, 0.0, 0.2),
-        force_p_mps2: Vec3::zeros(),
-    };
+    let turning = imu(0, [0.0, 0.0, 0.2], [0.0; 3]);
     filters.note_rate(&turning);
     filters.note_interval(0.02);
     filters.begin_tape();
@@ -325,15 +312,7 @@ fn a_constrained_filter_starts_with_the_measured_current() {
     let alone = filter([2.0, 0.0, 0.0]).with_water(Some(WaterBlock::new(&prior)));
     let mut filters = DualFilter::new(alone, Some(WaterBlock::new(&prior)));
     let geometry = BeamGeometry::janus(Janus::X, 0.35).unwrap();
-    let mut ping = BeamSample {
-        time_ns: 0,
-        velocity_mps: [f64::NAN; MAX_BEAMS],
-        sd_mps: [0.02; MAX_BEAMS],
-        valid: BeamMask::all(4),
-    };
-    for beam in 0..4 {
-        ping.velocity_mps[beam] = geometry.direction_p(beam).dot(&Vector3::new(1.7, -0.2, 0.0));
-    }
+    let ping = ping_at(&geometry, [1.7, -0.2, 0.0], 0.02);
     let innovation_of = |filter: &Eskf| filter.water_track_innovation(&geometry, &WaterSample { ping, range_m: 0.0 });
     filters.update(Sensor::WaterTrack, &innovation_of).unwrap();
     let measured = |filter: &Eskf| {

@@ -5,11 +5,7 @@ use crate::testing::*;
 const MS: i64 = 1_000_000;
 
 fn reading(time_ns: i64) -> ImuSample {
-    ImuSample {
-        time_ns,
-        rate_p_radps: Vec3::new(0.0, 0.0, 0.01),
-        force_p_mps2: Vec3::new(0.0, 0.0, -9.8),
-    }
+    imu(time_ns, [0.0, 0.0, 0.01], [0.0, 0.0, -9.8])
 }
 
 fn depth_of(time_ns: i64, depth_m: f64) -> Event {

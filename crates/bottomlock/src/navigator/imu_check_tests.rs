@@ -3,15 +3,12 @@
 use super::*;
 use crate::frames::Vec3;
 use crate::model::Model;
+use crate::testing::*;
 
 const MS: i64 = 1_000_000;
 
 fn reading(time_ms: i64, force_x: f64) -> ImuSample {
-    ImuSample {
-        time_ns: time_ms * MS,
-        rate_p_radps: Vec3::zeros(),
-        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
-    }
+    imu(time_ms * MS, [0.0; 3], [force_x, 0.0, -9.8])
 }
 
 /// Judges readings one after another from a start at 0; 'g' good, 'b' good after a bridged interval, 'r' rejected, 'e' an

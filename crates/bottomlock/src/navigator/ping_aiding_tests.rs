@@ -57,21 +57,16 @@ fn beams_that_have_been_accepted_count_to_five_sigma() {
 fn accepted_beams_are_confirmed() {
     let mut navigator = at_rest();
     let sample = |time_ns: i64| {
-        Event::Imu(ImuSample {
+        Event::Imu(imu(
             time_ns,
-            rate_p_radps: Vec3::from_array([0.0; 3]),
-            force_p_mps2: Vec3::from_array([0.0, 0.0, -Model::table_2().environment.gravity_mps2]),
-        })
+            [0.0; 3],
+            [0.0, 0.0, -Model::table_2().environment.gravity_mps2],
+        ))
     };
     navigator.push(&sample(0), &mut |_: &UpdateReport| ()).unwrap();
     let mut confirmed = Vec::new();
     for (second, beam_4_mps) in [(1, 3.0), (2, 0.0)] {
-        let mut ping = BeamSample {
-            time_ns: second * 1_000_000_000,
-            velocity_mps: [0.0; MAX_BEAMS],
-            sd_mps: [0.04; MAX_BEAMS],
-            valid: BeamMask::all(4),
-        };
+        let mut ping = ping_of(second * 1_000_000_000, [0.0; MAX_BEAMS], 0.04, BeamMask::all(4));
         ping.velocity_mps[3] = beam_4_mps;
         navigator.push(&Event::Beams(ping), &mut |_: &UpdateReport| ()).unwrap();
         navigator
@@ -111,17 +106,8 @@ fn an_error_that_lasts_is_charged_at_pings() {
         for k in 0..800_i64 {
             let time_ns = k * 50_000_000;
             let force = [if k < 200 { 0.0 } else { 0.05 }, 0.0, -gravity_mps2];
-            let reading = ImuSample {
-                time_ns,
-                rate_p_radps: Vec3::from_array([0.0; 3]),
-                force_p_mps2: Vec3::from_array(force),
-            };
-            let ping = BeamSample {
-                time_ns,
-                velocity_mps: [0.0; MAX_BEAMS],
-                sd_mps: [0.04; MAX_BEAMS],
-                valid: BeamMask::all(4),
-            };
+            let reading = imu(time_ns, [0.0; 3], force);
+            let ping = ping_of(time_ns, [0.0; MAX_BEAMS], 0.04, BeamMask::all(4));
             let depth = DepthSample {
                 time_ns,
                 depth_m: 0.0,

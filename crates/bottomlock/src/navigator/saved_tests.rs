@@ -25,12 +25,7 @@ fn waiting(method: usize) -> Snapshot {
     let initial = NavState::at_rest(0);
     let (aiding, options) = (METHODS[method].aiding, Options::default());
     let mut live = LiveNavigator::new(initial, &geometry, aiding, &model, &options, 2_000_000_000).unwrap();
-    let ping = BeamSample {
-        time_ns: 7,
-        velocity_mps: [0.25; MAX_BEAMS],
-        sd_mps: [0.5; MAX_BEAMS],
-        valid: BeamMask::all(2),
-    };
+    let ping = ping_of(7, [0.25; MAX_BEAMS], 0.5, BeamMask::all(2));
     let depth = DepthSample {
         time_ns: 5,
         depth_m: 0.125,
@@ -47,11 +42,7 @@ fn waiting(method: usize) -> Snapshot {
 fn under_way(method: usize) -> Snapshot {
     let mut snapshot = waiting(method);
     for k in 0..25 {
-        let reading = ImuSample {
-            time_ns: k * 10_000_000,
-            rate_p_radps: Vec3::new(0.01, -0.02, 0.03),
-            force_p_mps2: Vec3::new(0.1, 0.2, -9.78),
-        };
+        let reading = imu(k * 10_000_000, [0.01, -0.02, 0.03], [0.1, 0.2, -9.78]);
         snapshot.live.push(&Event::Imu(reading), &mut |_| {}).unwrap();
     }
     snapshot

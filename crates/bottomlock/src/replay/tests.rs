@@ -81,10 +81,12 @@ pub(crate) fn steady_turn(seconds: i64) -> Recording {
     start.velocity_p_mps = Vec3::new(speed, 0.0, 0.0);
     Recording {
         imu: (0..=seconds * 100)
-            .map(|k| ImuSample {
-                time_ns: k * 10 * MS,
-                rate_p_radps: Vec3::new(0.0, 0.0, rate),
-                force_p_mps2: Vec3::new(0.0, speed * rate, -model.environment.gravity_mps2),
+            .map(|k| {
+                imu(
+                    k * 10 * MS,
+                    [0.0, 0.0, rate],
+                    [0.0, speed * rate, -model.environment.gravity_mps2],
+                )
             })
             .collect(),
         pings: every(seconds, 993, 130)

@@ -1,19 +1,12 @@
 //! Batches: threads, chunks, segments and single events give the same results; perfect sensors return the truth.
 
+use crate::common::*;
 use bottomlock::Stop;
-use bottomlock::aiding::registry::{SensorKind, SensorModels};
-use bottomlock::dvl::geometry::{BeamMask, BeamSample};
-use bottomlock::filter::options::Options;
-use bottomlock::mechanisation::Sampling;
-use bottomlock::model::{ImuModel, InitialModel, Model};
-use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{METHODS, Method, Navigator};
-use bottomlock::simulation::batch::{Batch, run_batch};
+use bottomlock::aiding::registry::SensorModels;
+use bottomlock::model::{ImuModel, InitialModel};
+use bottomlock::simulation::batch::run_batch;
 use bottomlock::simulation::closed_loop::{ClosedLoop, ClosedLoopSetup, TruthSegment, VehicleStart};
-use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::truth::true_state;
-
-use crate::common::{Epochs, Turn, batch, bits, draw, eight_seconds, janus};
 
 /// A truth in segments, as in a closed loop, gives the results of the whole truth, bit for bit.
 #[test]

@@ -1,18 +1,9 @@
 //! The 15-state filter and the 20-state filter with frozen DVL states.
 
+use crate::common::*;
 use bottomlock::aiding::{beam_terms, tightly_coupled};
-use bottomlock::dvl::geometry::{BeamMask, BeamSample};
 use bottomlock::error_model::{Coefficients, dense_noise};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
-use bottomlock::mechanisation::{EarthTerms, ImuSample, Inertial};
-use bottomlock::model::Model;
-use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::state::{Covariance, NavState};
-use nalgebra::{SMatrix, SVector};
-
-use crate::common::{Epochs, Turn, draw, janus};
+use bottomlock::mechanisation::{EarthTerms, Inertial};
 
 type P15 = SMatrix<f64, 15, 15>;
 

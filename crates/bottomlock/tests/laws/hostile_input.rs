@@ -1,22 +1,7 @@
 //! Input out of order, bad beams, and random events: errors or finite states, never a panic.
 
-use bottomlock::NavError;
-use bottomlock::dvl::geometry::{BeamMask, BeamSample, MAX_BEAMS};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
-use bottomlock::frames::{Rot, Vec3};
-use bottomlock::layout::DIM;
-use bottomlock::mechanisation::ImuSample;
-use bottomlock::model::Model;
-use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
-};
-use bottomlock::navigator::{BeamAiding, METHODS, Navigator};
-use bottomlock::state::{Covariance, NavState};
-use nalgebra::Matrix3;
+use crate::common::*;
 use proptest::prelude::*;
-
-use crate::common::janus;
 
 /// Times that do not increase are rejected, and the navigator is unchanged.
 #[test]

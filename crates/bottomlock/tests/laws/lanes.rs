@@ -1,14 +1,10 @@
 //! Filters propagated together in SIMD lanes: each has the results of a filter propagated alone, bit for bit.
 
+use crate::common::*;
 use bottomlock::aiding::water::WaterPrior;
 use bottomlock::filter::Eskf;
 use bottomlock::filter::filter_group::{FilterSpan, predict_together, width};
-use bottomlock::filter::options::Options;
 use bottomlock::filter::water_block::WaterBlock;
-use bottomlock::frames::{Rot, Vec3};
-use bottomlock::mechanisation::{ImuSample, Sampling};
-use bottomlock::model::Model;
-use bottomlock::state::NavState;
 use proptest::prelude::*;
 
 const STEP_NS: i64 = 6_666_667;

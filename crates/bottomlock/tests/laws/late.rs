@@ -1,19 +1,10 @@
 //! Late data: what a push tells, what is refused, and what stays as it was.
 
-use bottomlock::NavError;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
 use bottomlock::filter::report::Verdict;
-use bottomlock::frames::Vec3;
-use bottomlock::mechanisation::{ImuSample, LongGap};
-use bottomlock::model::Model;
-use bottomlock::navigator::events::{DepthSample, Event, GpsSample, GpsVelocity};
-use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice, Snapshot, Standing};
-use bottomlock::state::NavState;
+use bottomlock::navigator::{Snapshot, Standing};
 
 use crate::common::arrivals::{MS, Reported, outcome};
-use crate::common::janus;
+use crate::common::*;
 
 fn imu(time_ns: i64, force_x: f64) -> Event {
     Event::Imu(ImuSample {

@@ -1,14 +1,12 @@
 //! The law of late data: any order in which measurements arrive within the horizon ends in the bits of the log in order of validity.
 
-use bottomlock::NavError;
-use bottomlock::navigator::events::{Event, STREAMS};
-use bottomlock::navigator::{LiveNavigator, METHODS, Notice, Snapshot};
+use bottomlock::navigator::Snapshot;
+use bottomlock::navigator::events::STREAMS;
 use bottomlock::replay::{Log, Replay, replay};
-use bottomlock::state::NavState;
 use proptest::prelude::*;
 
 use crate::common::arrivals::{self, Case, MS, Reported, outcome};
-use crate::common::janus;
+use crate::common::*;
 
 /// How many random arrivals: more with `BOTTOMLOCK_LONG` and `BOTTOMLOCK_DEEP`, as `make test-long` and `test-deep` set them.
 fn cases() -> u32 {

@@ -1,20 +1,8 @@
 //! A live navigator: faults of the inertial sensors are values, and a push that is refused changes nothing.
 
-use bottomlock::NavError;
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
-use bottomlock::frames::Vec3;
-use bottomlock::layout::DIM;
-use bottomlock::mechanisation::{ImuFault, ImuSample, LongGap};
-use bottomlock::model::Model;
-use bottomlock::navigator::events::{DepthSample, Event, GpsSample, HeadingSample, VelocitySample};
-use bottomlock::navigator::{Finding, LiveNavigator, METHODS, Method, Notice};
-use bottomlock::state::NavState;
-use nalgebra::Matrix3;
+use crate::common::*;
+use bottomlock::mechanisation::ImuFault;
 use proptest::prelude::*;
-
-use crate::common::janus;
 
 const MS: i64 = 1_000_000;
 

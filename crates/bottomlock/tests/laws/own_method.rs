@@ -3,12 +3,9 @@
 #[path = "../../examples/own_method.rs"]
 mod example;
 
+use crate::common::*;
 use bottomlock::navigator::own_method::{BeamMethod, Measured, MeasuredRows, PingBeams, PingPrior, register};
-use bottomlock::navigator::{METHODS, Method};
-use bottomlock::simulation::batch::{Batch, run_batch};
-use nalgebra::{SMatrix, SVector};
-
-use crate::common::{batch, bits, eight_seconds};
+use bottomlock::simulation::batch::run_batch;
 
 /// Tight coupling, written again.
 struct Tight;

@@ -1,15 +1,9 @@
 //! The bound on the speed: it acts beyond the linear range alone, and on nothing where it is off.
 
-use crate::common::{Epochs, Turn, draw, janus};
+use crate::common::*;
 use bottomlock::aiding::speed_bound::SpeedBound;
-use bottomlock::dvl::geometry::BeamMask;
-use bottomlock::filter::options::Options;
 use bottomlock::filter::report::{Sensor, UpdateReport};
 use bottomlock::layout::VELOCITY;
-use bottomlock::model::Model;
-use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::state::NavState;
 
 /// By hand: 2, 0.5, 0 m/s against 3 m/s for a minute, two seconds after the last epoch: variance 9 · 30.
 #[test]

@@ -1,17 +1,10 @@
 //! Sensor streams: offsets and independent random numbers.
 
+use crate::common::*;
 use bottomlock::aiding::beams::DvlOutlierModel;
-use bottomlock::aiding::registry::SensorKind;
 use bottomlock::aiding::sensor::Fraction;
-use bottomlock::dvl::geometry::BeamMask;
-use bottomlock::filter::options::Options;
-use bottomlock::model::Model;
-use bottomlock::navigator::events::{AttitudeSample, DepthSample, GpsSample};
-use bottomlock::simulation::schedule::Schedule;
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::{Streams, simulate};
-
-use crate::common::{Epochs, Turn, draw, janus};
 
 /// A depth or yaw offset changes its own reading by that offset, and no other stream.
 #[test]

@@ -1,16 +1,8 @@
 //! Properties of the method with assumptions on sway and heave through the water, against tight coupling.
 
+use crate::common::*;
 use bottomlock::aiding::water::WaterPrior;
-use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
 use bottomlock::filter::report::{Sensor, UpdateReport, Verdict};
-use bottomlock::frames::Vec3;
-use bottomlock::mechanisation::ImuSample;
-use bottomlock::model::Model;
-use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::state::NavState;
 use proptest::prelude::*;
 
 const SECONDS: i64 = 40;

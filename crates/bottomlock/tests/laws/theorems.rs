@@ -6,23 +6,16 @@
 
 use std::f64::consts::TAU;
 
+use crate::common::*;
 use bottomlock::aiding::InformationPort;
 use bottomlock::aiding::beams::DvlModel;
 use bottomlock::aiding::outliers::Robust;
 use bottomlock::aiding::registry::SensorModels;
-use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
 use bottomlock::dvl::partial::{Assumptions, PartialMethod};
 use bottomlock::earth::Environment;
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
-use bottomlock::frames::{Rot, Vec3};
-use bottomlock::layout::{DIM, DVL_BIAS};
-use bottomlock::mechanisation::ImuSample;
+use bottomlock::layout::DVL_BIAS;
 use bottomlock::model::*;
-use bottomlock::navigator::events::Event;
-use bottomlock::navigator::{BeamAiding, Navigator};
-use bottomlock::state::{Covariance, NavState};
-use nalgebra::{Matrix3xX, Vector3, Vector4};
+use nalgebra::{Matrix3xX, Vector4};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 

@@ -2,22 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use crate::common::*;
 use bottomlock::aiding::acoustic_position::AcousticPositionSample;
 use bottomlock::aiding::outliers::{Robust, Tail};
-use bottomlock::aiding::registry::{Measurement, SENSORS, SensorKind};
+use bottomlock::aiding::registry::{Measurement, SENSORS};
 use bottomlock::aiding::thrust::{ThrustModel, ThrustUse};
-use bottomlock::dvl::geometry::{BeamSample, MAX_BEAMS};
-use bottomlock::filter::gate::Gate;
-use bottomlock::filter::options::Options;
-use bottomlock::frames::{Rot, Vec3};
-use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
-use bottomlock::model::Model;
-use bottomlock::navigator::events::{
-    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, ThrustSample, VelocitySample,
-    WATER_TRACK, WaterSample,
-};
-use bottomlock::navigator::{Finding, LiveNavigator, Method, Notice, Standing};
-use nalgebra::Matrix3;
+use bottomlock::navigator::Standing;
+use bottomlock::navigator::events::{ThrustSample, WATER_TRACK, WaterSample};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -1,20 +1,28 @@
-//! A simulated turn, its measurement epochs, and a batch on them.
+//! A simulated turn, its measurement epochs, and a batch on them; the names that most laws use.
 
 pub(crate) mod arrivals;
 
-use bottomlock::aiding::registry::SensorKind;
-use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, Janus};
-use bottomlock::error::NavError;
-use bottomlock::filter::options::Options;
-use bottomlock::frames::Rot;
-use bottomlock::model::Model;
-use bottomlock::navigator::METHODS;
-use bottomlock::simulation::batch::Batch;
-use bottomlock::simulation::schedule::Schedule;
+pub(crate) use bottomlock::NavError;
+pub(crate) use bottomlock::aiding::registry::SensorKind;
+pub(crate) use bottomlock::dvl::geometry::{BeamGeometry, BeamMask, BeamSample, Janus, MAX_BEAMS};
+pub(crate) use bottomlock::filter::gate::Gate;
+pub(crate) use bottomlock::filter::options::Options;
+pub(crate) use bottomlock::frames::{Rot, Vec3};
+pub(crate) use bottomlock::layout::DIM;
+pub(crate) use bottomlock::mechanisation::{ImuSample, LongGap, Sampling};
+pub(crate) use bottomlock::model::Model;
+pub(crate) use bottomlock::navigator::events::{
+    AttitudeSample, DepthSample, Event, GpsSample, GpsVelocity, HeadingSample, VelocitySample,
+};
+pub(crate) use bottomlock::navigator::{BeamAiding, Finding, LiveNavigator, METHODS, Method, Navigator, Notice};
+pub(crate) use bottomlock::simulation::batch::Batch;
+pub(crate) use bottomlock::simulation::schedule::Schedule;
+pub(crate) use bottomlock::state::{Covariance, NavState};
+pub(crate) use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
 use bottomlock::simulation::sensor_errors::RunKey;
 use bottomlock::simulation::sensor_streams::{Streams, simulate};
 use bottomlock::simulation::truth::Truth;
-use nalgebra::Vector3;
 
 pub(crate) const SECOND: i64 = 1_000_000_000;
 
