@@ -133,7 +133,8 @@ install-c:
 	$(PYTHON) tools/install_c.py --prefix $(PREFIX)
 
 bench: $(VENV)/.tools $(VENV)/.installed
-	cargo bench --locked --package bottomlock-benches
+	cargo build --release --locked --example compare_filters
+	$(bin)/python benches/compare.py --rounds 5
 	$(bin)/python -m pytest --benchmark-enable --benchmark-only tests
 
 # The documentation site with its executed gallery, and rustdoc beside it; a warning is an error. Open out/site/index.html.

@@ -1,1 +1,0 @@
-//! Benchmarks alone: see `benches/kernel.rs` and `benches/late.rs`.
