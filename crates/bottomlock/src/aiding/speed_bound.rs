@@ -70,9 +70,11 @@ mod tests {
             assert_eq!((innovation.rows, innovation.degrees), (3, 3));
             for k in 0..3 {
                 assert_eq!(innovation.residual[k], -state.velocity_p_mps.0[k]);
-                assert_eq!(innovation.jacobian[(k, VELOCITY + k)], 1.0);
-                assert!((innovation.noise[(k, k)] - variance).abs() < 1e-12);
             }
+            let noise: Matrix3<f64> = innovation.noise.fixed_view::<3, 3>(0, 0).into();
+            assert!((noise - Matrix3::identity() * variance).amax() < 1e-12);
+            let rows: Matrix3<f64> = innovation.jacobian.fixed_view::<3, 3>(0, VELOCITY).into();
+            assert_eq!((rows, innovation.jacobian.sum()), (Matrix3::identity(), 3.0));
         }
     }
 }

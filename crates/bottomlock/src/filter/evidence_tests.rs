@@ -20,13 +20,9 @@ fn factor_is_the_geometric_mean_over_consecutive_rejections() {
 /// Only the depth is inflated, which no other state notices.
 #[test]
 fn depth_inflates_itself_alone() {
-    let options = Options {
-        inflate_after_rejections: 2,
-        ..Options::default()
-    };
-    let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
+    let mut filter = filter(&Model::table_2());
     let before = filter.covariance();
-    let innovation = depth(&Motion::still(&filter.state()), 10.0, 0.5, &Vec3::from_array([0.0; 3]));
+    let innovation = depth(&Motion::still(&filter.state()), 10.0, 0.5, &Vec3::zeros());
     assert_eq!(noted(&mut filter, &innovation, Sensor::Depth, false), None);
     let factor = noted(&mut filter, &innovation, Sensor::Depth, false).unwrap();
     assert!((factor - 24.9375).abs() < 2e-3, "{factor}");
@@ -40,16 +36,12 @@ fn depth_inflates_itself_alone() {
 #[test]
 fn position_inflates_all_states_where_no_velocity_aids() {
     for has_velocity in [false, true] {
-        let options = Options {
-            inflate_after_rejections: 2,
-            ..Options::default()
-        };
-        let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
-        let far = crate::aiding::position::position(
+        let mut filter = filter(&Model::table_2());
+        let far = position(
             &Motion::still(&filter.state()),
-            &Vec3::from_array([50.0, 0.0, 0.0]),
+            &Vec3::new(50.0, 0.0, 0.0),
             &[1.0; 3],
-            &Vec3::from_array([0.0; 3]),
+            &Vec3::zeros(),
         );
         let before = filter.covariance();
         assert_eq!(noted(&mut filter, &far, Sensor::AcousticPosition, false), None);
@@ -142,19 +134,8 @@ fn evidence_is_what_the_gate_has_judged() {
 /// A measurement within its gate resets the count, an assumption never counts.
 #[test]
 fn only_rejections_of_sensors_count() {
-    let options = Options {
-        inflate_after_rejections: 2,
-        ..Options::default()
-    };
-    let mut filter = Eskf::new(NavState::at_rest(0), &Model::table_2(), &options).unwrap();
-    let at = |filter: &Eskf, depth_m: f64| {
-        depth(
-            &Motion::still(&filter.state()),
-            depth_m,
-            0.5,
-            &Vec3::from_array([0.0; 3]),
-        )
-    };
+    let mut filter = filter(&Model::table_2());
+    let at = |filter: &Eskf, depth_m: f64| depth(&Motion::still(&filter.state()), depth_m, 0.5, &Vec3::zeros());
     for depth_m in [10.0, 0.1, 10.0] {
         let innovation = at(&filter, depth_m);
         assert_eq!(noted(&mut filter, &innovation, Sensor::Depth, false), None, "{depth_m}");
@@ -314,8 +295,7 @@ fn a_position_grows_to_its_bound() {
                 filter.measured.velocity_ns = Some(0);
             }
             let place = Vec3::new(10.0 * sd_m, 0.0, 0.0);
-            let far =
-                crate::aiding::position::position(&Motion::still(&filter.state()), &place, &[1.0; 3], &Vec3::zeros());
+            let far = position(&Motion::still(&filter.state()), &place, &[1.0; 3], &Vec3::zeros());
             assert_eq!(noted(&mut filter, &far, Sensor::AcousticPosition, false), None);
             let factor = noted(&mut filter, &far, Sensor::AcousticPosition, false);
             assert_eq!(factor.is_some(), expected.is_some());

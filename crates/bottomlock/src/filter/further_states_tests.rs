@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::aiding::RowJacobian;
+use crate::aiding::calibration::CalibrationVector;
 use crate::aiding::further::FurtherRows;
 use crate::aiding::thrust::thrust;
 use crate::aiding::water::sway_row;
@@ -155,6 +156,7 @@ fn updates_are_the_textbook_updates_of_all_states() {
             advance(&mut filter, 30);
             let (innovation, sensor) = readings(&mut filter, round).swap_remove(kind);
             let (p, before) = (filter.joint_covariance(), *filter.extensions.further().estimate());
+            let (mut calibrated, _) = filter.calibration().unwrap();
             let (expected, error) = updated(&p, &innovation, &before);
             filter.update(&innovation, sensor).unwrap();
             assert_close(&filter.joint_covariance(), &expected, 1e-9, sensor.name());
@@ -162,6 +164,11 @@ fn updates_are_the_textbook_updates_of_all_states() {
                 let after = filter.extensions.further().estimate()[k];
                 assert!((after - before[k] - error[DIM + k]).abs() < 1e-10, "{k}");
             }
+            calibrated.inject(&CalibrationVector::from_fn(|k, _| {
+                error[DIM + block::CALIBRATION.first + k]
+            }));
+            let gap = filter.calibration().unwrap().0.numbers() - calibrated.numbers();
+            assert!(gap.amax() < 1e-10, "{}: {gap}", sensor.name());
         }
         let water = filter.water_states().unwrap().estimate;
         let assumed = filter.with_motion(|motion| sway_row(motion, &water));
@@ -186,8 +193,12 @@ fn updates_are_the_textbook_updates_of_all_states() {
         gain.rows_mut(DIM + MATRIX.start, MATRIX.len()).fill(0.0);
         let left = DMatrix::identity(ALL, ALL) - &gain * h.transpose();
         let expected = &left * p * left.transpose() + &gain * gain.transpose() * assumed.variance;
+        let mut learnt = Water::common(&water);
+        let step = WaterVector::from_fn(|k, _| gain[DIM + block::WATER.first + k] * assumed.residual);
+        learnt.inject(gain[ATTITUDE + 2] * assumed.residual, &step, &LayerVector::zeros());
         filter.assume(&assumed, Sensor::Sway).unwrap();
         assert_close(&filter.joint_covariance(), &expected, 1e-9, "assumption");
+        assert!((filter.water_states().unwrap().estimate - learnt.estimate).amax() < 1e-12);
     }
     assert!(filter.extensions.further().covariance()[(block::ATTITUDE_ERROR.first, block::WATER.first)] != 0.0);
 }

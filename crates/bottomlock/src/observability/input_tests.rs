@@ -10,6 +10,11 @@ use crate::frames::Vec3;
 use crate::simulation::truth::Truth;
 use crate::stop::Stop;
 
+/// The message of a refusal.
+fn refusal<T>(result: Result<T, NavError>) -> String {
+    result.err().map_or_else(String::new, |error| error.to_string())
+}
+
 /// Invalid input is rejected with its field, and never panics.
 #[test]
 fn invalid_input_is_rejected() {
@@ -19,57 +24,42 @@ fn invalid_input_is_rejected() {
         full::systems(truth, &geometry, &model, &[*aiding], true, Epochs::Every(period))
             .map(|systems| whole(&systems[0]))
     };
-    let empty = judge(&truth, &Aiding::default(), SECOND_NS);
-    assert!(matches!(
-        empty,
-        Err(NavError::WrongCount {
-            field: "aiding sensors",
-            ..
-        })
-    ));
     let fifth = Aiding {
         beams: [4].into_iter().collect(),
         ..Aiding::default()
     };
-    assert!(matches!(
-        judge(&truth, &fifth, SECOND_NS),
-        Err(NavError::BadBeam { beam: 5, .. })
-    ));
-    let once = judge(&truth, &beams(4), 60 * SECOND_NS);
-    assert!(matches!(
-        once,
-        Err(NavError::WrongCount {
-            field: "epochs of the window",
-            got: 1,
-            ..
-        })
-    ));
-    assert!(judge(&truth.slice(0..1), &beams(4), SECOND_NS).is_err());
-    assert!(matches!(
-        judge(&truth, &beams(4), 0),
-        Err(NavError::OutOfRange { field: "period_ns", .. })
-    ));
-    assert!(judge(&truth, &beams(4), i64::MAX).is_err());
-    assert!(judge(&truth, &beams(4), 1).is_ok(), "every sample, at once");
     let long = Turn::new(0.0, 1.0, 600, 10);
-    let many = judge(&long.truth(), &beams(4), 1);
-    assert!(matches!(many, Err(NavError::WrongCount { got: 5001, .. })));
     let mut broken = Turn::new(0.0, 1.0, 10, 10);
     broken.velocity[7][1] = f64::NAN;
-    assert!(matches!(
-        judge(&broken.truth(), &beams(4), SECOND_NS),
-        Err(NavError::NotFinite { .. })
-    ));
+    for (words, result) in [
+        ("aiding sensors", judge(&truth, &Aiding::default(), SECOND_NS)),
+        ("beam 5", judge(&truth, &fifth, SECOND_NS)),
+        ("epochs of the window: got 1", judge(&truth, &beams(4), 60 * SECOND_NS)),
+        ("", judge(&truth, &beams(4), i64::MAX)),
+        ("epochs of the window: got 5001", judge(&long.truth(), &beams(4), 1)),
+        ("", judge(&truth.slice(0..1), &beams(4), SECOND_NS)),
+        ("period_ns", judge(&truth, &beams(4), 0)),
+        ("not finite", judge(&broken.truth(), &beams(4), SECOND_NS)),
+    ] {
+        assert!(result.is_err(), "{words}");
+        let text = refusal(result);
+        assert!(text.contains(words), "{text} has no {words}");
+    }
+    assert!(judge(&truth, &beams(4), 1).is_ok(), "every sample, at once");
     let none = Sensors {
         velocity: None,
         depth: false,
     };
     assert!(paper::system(&truth, &model, &none, SECOND_NS).is_err());
     let system = &full::systems(&truth, &geometry, &model, &[beams(4)], true, Epochs::Every(SECOND_NS)).unwrap()[0];
-    assert!(observe(system, 1, None).is_err());
-    assert!(observe(system, 12, None).is_err());
-    assert!(observe(system, 11, Some(&[1.0])).is_err());
-    assert!(observe(system, 11, Some(&[-1.0; 20])).is_err());
+    for (epochs, scale) in [
+        (1, None),
+        (12, None),
+        (11, Some(&[1.0][..])),
+        (11, Some(&[-1.0; 20][..])),
+    ] {
+        assert!(observe(system, epochs, scale).is_err(), "{epochs} {scale:?}");
+    }
 }
 
 /// Rows that are all zero are rejected, since no rank can be decided from them.
@@ -79,13 +69,7 @@ fn rows_of_zeros_are_rejected() {
     for epoch in &mut system.epochs {
         epoch.rows.fill(0.0);
     }
-    assert!(matches!(
-        observe(&system, 11, None),
-        Err(NavError::OutOfRange {
-            field: "norm of the stacked rows",
-            ..
-        })
-    ));
+    assert!(refusal(observe(&system, 11, None)).starts_with("norm of the stacked rows"));
 }
 
 /// A schedule with all sensors at the period equals the period; before the first reading the rank is zero.
@@ -125,22 +109,15 @@ fn a_schedule_selects_sensors_by_epoch() {
     // No reading, decreasing times, times within one sample, times outside the truth, one epoch, a bad lever arm.
     let empty: Vec<(i64, Aiding)> = (0..5).map(|k| (k * SECOND_NS, Aiding::default())).collect();
     assert!(observe(&system_of(&empty).unwrap(), 5, None).is_err());
-    assert!(matches!(
-        system_of(&[always[3], always[2]]),
-        Err(NavError::TimeNotIncreasing { .. })
-    ));
-    assert!(matches!(
-        system_of(&[(0, set), (1, set), (2, set)]),
-        Err(NavError::TimeNotIncreasing { .. })
-    ));
-    assert!(matches!(
-        system_of(&[(-1, set), (0, set)]),
-        Err(NavError::OutsideTruth { stream: "schedule", .. })
-    ));
-    assert!(matches!(
-        system_of(&always[..1]),
-        Err(NavError::WrongCount { got: 1, .. })
-    ));
+    for (words, scheduled) in [
+        ("does not come after", &[always[3], always[2]][..]),
+        ("does not come after", &[(0, set), (1, set), (2, set)]),
+        ("schedule", &[(-1, set), (0, set)]),
+        ("got 1", &always[..1]),
+    ] {
+        let text = refusal(system_of(scheduled));
+        assert!(text.contains(words), "{text} has no {words}");
+    }
     let invalid = Aiding {
         levers: Levers::default().with(SensorKind::Gps, Vec3::new(0.0, f64::NAN, 0.0)),
         ..set

@@ -22,32 +22,16 @@ fn options() -> Options {
 fn smoothed_at_first_sample(tape: Tape) -> (CalibrationVector, DMatrix<f64>) {
     let (mut adjoint, mut first) = (None, None);
     for step in tape.steps.into_iter().rev() {
-        match step {
-            Step::Transition(phi) => {
-                adjoint = adjoint.map(|adjoint: Adjoint| adjoint.resized(phi.nrows()).transposed_by(&phi));
-            }
-            Step::Update {
-                weighted_innovation,
-                weight,
-                h,
-                gain,
-            } => {
-                adjoint = Some(Adjoint::before_update(
-                    adjoint,
-                    &weighted_innovation,
-                    &weight,
-                    &h,
-                    &gain,
-                ))
-            }
-            Step::Sample {
-                pending, covariance, ..
-            } => {
-                first = adjoint
-                    .as_ref()
-                    .and_then(|adjoint| corrected(&covariance, adjoint, pending));
-            }
-        }
+        first = match (&step, &adjoint) {
+            (
+                Step::Sample {
+                    pending, covariance, ..
+                },
+                Some(adjoint),
+            ) => corrected(covariance, adjoint, pending.clone()),
+            _ => first,
+        };
+        adjoint = Adjoint::before(adjoint, &step);
     }
     let (correction, p) = first.unwrap();
     let own = CalibrationVector::from_fn(|k, _| correction[OWN + k]);

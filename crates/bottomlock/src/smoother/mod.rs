@@ -75,20 +75,26 @@ impl Adjoint {
         }
     }
 
-    /// (I − K H)ᵀλ − HᵀS⁻¹z and (I − K H)ᵀΛ(I − K H) + HᵀS⁻¹H, from S⁻¹z, S⁻¹, H and K of an update; `None` is zero.
-    fn before_update(
-        later: Option<Self>,
-        weighted_innovation: &DVector<f64>,
-        weight: &DMatrix<f64>,
-        h: &DMatrix<f64>,
-        gain: &DMatrix<f64>,
-    ) -> Self {
-        let states = h.ncols();
-        let later = later.unwrap_or_else(|| Self::zeros(states)).resized(states);
-        let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * h));
-        before.vector -= h.transpose() * weighted_innovation;
-        before.matrix += h.transpose() * weight * h;
-        before
+    /// The adjoint before a step of the tape: over a transition Φᵀλ and ΦᵀΛΦ, over an update (I − K H)ᵀλ − HᵀS⁻¹z and
+    /// (I − K H)ᵀΛ(I − K H) + HᵀS⁻¹H; `None` is zero.
+    fn before(later: Option<Self>, step: &Step) -> Option<Self> {
+        match step {
+            Step::Transition(phi) => later.map(|later| later.resized(phi.nrows()).transposed_by(phi)),
+            Step::Update {
+                weighted_innovation,
+                weight,
+                h,
+                gain,
+            } => {
+                let states = h.ncols();
+                let later = later.unwrap_or_else(|| Self::zeros(states)).resized(states);
+                let mut before = later.transposed_by(&(DMatrix::identity(states, states) - gain * h));
+                before.vector -= h.transpose() * weighted_innovation;
+                before.matrix += h.transpose() * weight * h;
+                Some(before)
+            }
+            Step::Sample { .. } => later,
+        }
     }
 }
 
@@ -105,30 +111,12 @@ pub fn smooth(tape: Tape, stop: &Stop) -> Result<Vec<Smoothed>, NavError> {
     for step in tape.steps.into_iter().rev() {
         stop.check()?;
         match step {
-            Step::Transition(phi) => {
-                adjoint = adjoint.map(|adjoint| adjoint.resized(phi.nrows()).transposed_by(&phi));
-            }
-            Step::Update {
-                weighted_innovation,
-                weight,
-                h,
-                gain,
-            } => {
-                adjoint = Some(Adjoint::before_update(
-                    adjoint,
-                    &weighted_innovation,
-                    &weight,
-                    &h,
-                    &gain,
-                ))
-            }
             Step::Sample {
                 pending,
                 state,
                 covariance,
-            } => {
-                samples.push(smoothed(*state, &covariance, adjoint.as_ref(), pending)?);
-            }
+            } => samples.push(smoothed(*state, &covariance, adjoint.as_ref(), pending)?),
+            other => adjoint = Adjoint::before(adjoint, &other),
         }
     }
     samples.reverse();

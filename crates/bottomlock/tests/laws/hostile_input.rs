@@ -6,21 +6,8 @@ use proptest::prelude::*;
 /// Times that do not increase are rejected, and the navigator is unchanged.
 #[test]
 fn times_that_do_not_increase_are_rejected() {
-    let imu = |time_ns| {
-        Event::Imu(ImuSample {
-            time_ns,
-            rate_p_radps: Vec3::zeros(),
-            force_p_mps2: Vec3::new(0.0, 0.0, -9.8),
-        })
-    };
-    let mut navigator = Navigator::new(
-        NavState::at_rest(0),
-        janus(),
-        BeamAiding::Tight,
-        &Model::table_2(),
-        &Options::default(),
-    )
-    .unwrap();
+    let imu = |time_ns| imu(time_ns, 0.0);
+    let mut navigator = tight(&Options::default());
     navigator.push(&imu(10), &mut |_| {}).unwrap();
     navigator.push(&imu(20), &mut |_| {}).unwrap();
     let state = navigator.state();
@@ -55,20 +42,8 @@ fn gate_per_row_rejects_the_bad_beam() {
         robust: None,
         ..Options::default()
     };
-    let mut navigator = Navigator::new(
-        NavState::at_rest(0),
-        janus(),
-        BeamAiding::Tight,
-        &Model::table_2(),
-        &options,
-    )
-    .unwrap();
-    let imu = ImuSample {
-        time_ns: 1,
-        rate_p_radps: Vec3::zeros(),
-        force_p_mps2: Vec3::new(0.0, 0.0, -9.8),
-    };
-    navigator.push(&Event::Imu(imu), &mut |_| {}).unwrap();
+    let mut navigator = tight(&options);
+    navigator.push(&imu(1, 0.0), &mut |_| {}).unwrap();
     let mut velocity_mps = [0.0; MAX_BEAMS];
     velocity_mps[1] = 5.0;
     let ping = BeamSample {

@@ -6,14 +6,6 @@ use bottomlock::navigator::{Snapshot, Standing};
 use crate::common::arrivals::{MS, Reported, outcome};
 use crate::common::*;
 
-fn imu(time_ns: i64, force_x: f64) -> Event {
-    Event::Imu(ImuSample {
-        time_ns,
-        rate_p_radps: Vec3::new(0.0, 0.0, 0.01),
-        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
-    })
-}
-
 fn depth(time_ns: i64, depth_m: f64) -> Event {
     Event::from(DepthSample {
         time_ns,

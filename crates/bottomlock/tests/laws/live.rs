@@ -16,14 +16,6 @@ fn live_within(horizon_ns: i64, method: &str, options: &Options) -> LiveNavigato
     LiveNavigator::new(start, &janus(), aiding, &model, options, horizon_ns).unwrap()
 }
 
-fn imu(time_ns: i64, force_x: f64) -> Event {
-    Event::Imu(ImuSample {
-        time_ns,
-        rate_p_radps: Vec3::new(0.0, 0.0, 0.01),
-        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
-    })
-}
-
 fn depth(time_ns: i64, depth_m: f64, sd_m: f64) -> Event {
     Event::from(DepthSample { time_ns, depth_m, sd_m })
 }

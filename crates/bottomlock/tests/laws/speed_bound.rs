@@ -5,26 +5,6 @@ use bottomlock::aiding::speed_bound::SpeedBound;
 use bottomlock::filter::report::{Sensor, UpdateReport};
 use bottomlock::layout::VELOCITY;
 
-/// By hand: 2, 0.5, 0 m/s against 3 m/s for a minute, two seconds after the last epoch: variance 9 · 30.
-#[test]
-fn an_epoch_counts_for_its_part_of_the_time() {
-    let mut state = NavState::at_rest(0);
-    state.velocity_p_mps = bottomlock::frames::Vec3::new(2.0, 0.5, 0.0);
-    let bound = SpeedBound {
-        sd_mps: 3.0,
-        time_s: 60.0,
-    };
-    let rows = bound.innovation(&state, 2.0);
-    assert_eq!((rows.rows, rows.residual[0], rows.residual[1]), (3, -2.0, -0.5));
-    assert_eq!((rows.noise[(1, 1)], rows.noise[(0, 1)]), (270.0, 0.0));
-    assert_eq!(
-        (rows.jacobian[(2, VELOCITY + 2)], rows.jacobian[(2, VELOCITY)]),
-        (1.0, 0.0)
-    );
-    // An epoch after more than the whole time counts once.
-    assert_eq!(bound.innovation(&state, 600.0).noise[(0, 0)], 9.0);
-}
-
 /// A straight run on one beam, pings `late_ns` after an inertial reading; the reports, and the velocity's largest variance
 /// at the end.
 fn straight(sd_mps: f64, late_ns: i64) -> (Vec<UpdateReport>, f64) {

@@ -193,3 +193,18 @@ pub(crate) fn bits(records: &[Vec<bottomlock::simulation::monte_carlo_run::Metho
     })
     .collect()
 }
+
+/// An inertial reading of a slow turn, with a force ahead, m/s².
+pub(crate) fn imu(time_ns: i64, force_x: f64) -> Event {
+    Event::Imu(ImuSample {
+        time_ns,
+        rate_p_radps: Vec3::new(0.0, 0.0, 0.01),
+        force_p_mps2: Vec3::new(force_x, 0.0, -9.8),
+    })
+}
+
+/// A navigator at rest with tight coupling.
+pub(crate) fn tight(options: &Options) -> Navigator {
+    let (start, model) = (NavState::at_rest(0), Model::table_2());
+    Navigator::new(start, janus(), BeamAiding::Tight, &model, options).unwrap()
+}
