@@ -16,6 +16,8 @@ from bottomlock.dead_reckoning.sensors import Sensors, attitudes_of
 from bottomlock.dead_reckoning.track import Velocities
 from bottomlock.plant.flight import inertial_measurements
 from bottomlock.recordings.attitude_motion import inertial_readings
+from bottomlock.recordings.streams import Attitudes as RecordedAttitudes
+from bottomlock.recordings.streams import Inertial
 from bottomlock.replay.init.against_imu import turns
 from bottomlock.simulation.analytic import Attitudes, ideal_inertial_readings
 from tests.oracle import beams, truth
@@ -87,12 +89,15 @@ def test_dead_reckoning_keeps_its_attitude() -> None:
 
 def test_gyros_are_compared_without_it() -> None:
     """Against a recorded attitude that swings in yaw the gyros of a first case have no offset."""
-    omega, _ = readings()
+    omega, force = readings()
     seconds = TIME_NS * 1e-9
     attitude = Rotation.from_rotvec(np.outer(0.5 * np.sin(0.1 * seconds), [0.0, 0.0, 1.0]))
     omega = attitude.inv().apply(omega) + np.outer(0.05 * np.cos(0.1 * seconds), [0.0, 0.0, 1.0])
-    imu: Any = SimpleNamespace(time_ns=TIME_NS, omega_p_radps=omega)
-    recorded: Any = SimpleNamespace(match=SimpleNamespace(clear=True), platform=lambda: (TIME_NS, attitude))
+    inertial = Inertial(TIME_NS, force, omega)
+    imu: Any = SimpleNamespace(time_ns=TIME_NS, omega_p_radps=omega, inertial=inertial)
+    recorded: Any = SimpleNamespace(
+        match=SimpleNamespace(clear=True), platform=lambda: RecordedAttitudes(TIME_NS, attitude)
+    )
     gyros = turns(imu, recorded, 1.0, LATITUDE_RAD).gyros
     assert gyros is not None
     np.testing.assert_allclose(gyros.offset_radps, np.zeros(3), atol=1e-5)

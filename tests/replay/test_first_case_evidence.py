@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
+from bottomlock.recordings.attitude_fit import GyroErrors, fit_attitude, gyro_errors
+from bottomlock.recordings.pings import beam_noise, ping_noise, ping_velocity, tilt_of_noise
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Attitudes, Inertial
@@ -21,8 +23,7 @@ from bottomlock.recordings.track_fit import fit_track
 from bottomlock.replay.case import Case, WhatIf, load_case
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
-from bottomlock.replay.motion.gyros import compare_gyros, match_gyros
-from bottomlock.replay.motion.pings import beam_noise, ping_noise, ping_velocity, tilt_of_noise
+from bottomlock.replay.read_tables import rate_unit
 from bottomlock.replay.run import replay_case
 from tests import recorded_dives
 from tests.dive import Dive, drawn_dive
@@ -51,6 +52,12 @@ def epoch(time_ns: Integers) -> Floats:
 def attitude(dive: Dive, every: int = 5) -> tuple[Integers, Rotation]:
     rows = slice(0, None, every)
     return ns(dive.imu_s[rows]), Rotation.from_euler("ZYX", dive.rpy[rows][:, ::-1])
+
+
+def errors_of(dive: Dive, omega: Floats, attitudes: Attitudes | None = None) -> GyroErrors | None:
+    """Of rates against the dive's attitude at 10 Hz, or another."""
+    inertial = Inertial(ns(dive.imu_s), dive.force, omega)
+    return gyro_errors(inertial, attitudes or Attitudes(*attitude(dive)), 0.5)
 
 
 def velocities(dive: Dive) -> tuple[Integers, Floats]:
@@ -115,12 +122,12 @@ DEG = 180.0 / np.pi
 def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
     """A slope of 1 is rad/s; an offset of 2,400 deg/h and noise do not change it."""
     rates = factor * noisy(dive, 0.0, 0.002)[1]
-    found = compare_gyros(Inertial(ns(dive.imu_s), dive.force, rates), Attitudes(*attitude(dive)))
+    found = fit_attitude(Inertial(ns(dive.imu_s), dive.force, rates), Attitudes(*attitude(dive)))
     assert found is not None
-    assert found.slope == pytest.approx(factor, rel=0.03)
-    assert abs(found.slope - factor) < 5.0 * found.slope_sd < 0.1 * factor
-    assert found.correlation > 0.9
-    told = found.unit("rad/s")
+    assert found.scale == pytest.approx(factor, rel=0.03)
+    assert abs(found.scale - factor) < 5.0 * found.scale_sd < 0.1 * factor
+    assert found.alike > 0.9
+    told = rate_unit(found.scale, "rad/s")
     assert told is not None
     assert told[0] == {1.0: "rad/s", DEG: "deg/s", 3600.0 * DEG: "deg/h"}[factor]
     assert told[1] == pytest.approx(1.0, rel=0.03)
@@ -130,7 +137,7 @@ def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
 def test_noise_put_in_is_found(dive: Dive, accel: float, gyro: float) -> None:
     """Each within a third of what was put in, the offsets within four of their sigmas, and the beams' tilt."""
     force, omega = noisy(dive, accel, gyro)
-    gyros = match_gyros(ns(dive.imu_s), omega, *attitude(dive), 0.5)
+    gyros = errors_of(dive, omega)
     assert gyros is not None
     assert gyros.noise is not None
     assert gyros.noise.density()[0] == pytest.approx(gyro, rel=0.33)
@@ -156,7 +163,7 @@ def test_a_slow_or_noisy_attitude_is_not_taken_for_gyro_noise(dive: Dive, every:
     times, platform = attitude(dive, every)
     rng = np.random.default_rng(9)
     platform = platform * Rotation.from_rotvec(np.deg2rad(1.0) * rng.normal(size=(len(times), 3)))
-    found = match_gyros(ns(dive.imu_s), dive.omega + OFFSET_RADPS, times, platform, 0.5)
+    found = errors_of(dive, dive.omega + OFFSET_RADPS, Attitudes(times, platform))
     assert found is not None
     assert found.noise is not None
     assert found.noise.square < 2.0 * found.noise.sd
@@ -192,9 +199,9 @@ def test_noise_of_two_files_of_a_dive_is_the_same() -> None:
 
 
 def test_a_steady_offset_is_no_wander(dive: Dive) -> None:
-    steady = match_gyros(ns(dive.imu_s), noisy(dive, 0.0, 0.002)[1], *attitude(dive), 0.5)
+    steady = errors_of(dive, noisy(dive, 0.0, 0.002)[1])
     walk = 2e-4 * np.cumsum(np.random.default_rng(2).normal(size=dive.omega.shape), axis=0) / np.sqrt(50.0)
-    wandering = match_gyros(ns(dive.imu_s), noisy(dive, 0.0, 0.002)[1] + walk, *attitude(dive), 0.5)
+    wandering = errors_of(dive, noisy(dive, 0.0, 0.002)[1] + walk)
     assert steady is not None
     assert wandering is not None
     assert steady.wander_radps_rts < 3e-5

@@ -54,6 +54,12 @@ class Attitudes:
         first_ns, last_ns = int(self.time_ns[0]), int(self.time_ns[-1])
         return self._between((np.clip(time_ns, first_ns, last_ns) - first_ns) * 1e-9)
 
+    def covers(self, time_ns: Times, longest_step_s: float) -> Flags:
+        """Which times (m,) lie between two attitudes that are no longer apart than this."""
+        rows = np.clip(np.searchsorted(self.time_ns, time_ns, side="right"), 1, max(len(self.time_ns) - 1, 1))
+        inside = (time_ns >= self.time_ns[0]) & (time_ns <= self.time_ns[-1])
+        return np.asarray(inside & (self.time_ns[rows] - self.time_ns[rows - 1] <= longest_step_s * 1e9))
+
     @cached_property
     def _between(self) -> Slerp:
         # Seconds from the first: whole nanoseconds of a Unix time do not fit a float.
@@ -77,11 +83,11 @@ def integrator(time_ns: Times, values: Floats, origin_ns: int) -> Callable[[Time
     """`integrals` as a function of the edges; times are counted from an origin near them."""
     seconds = (time_ns - origin_ns) * 1e-9
     steps = np.diff(seconds)[:, None] * 0.5 * (values[1:] + values[:-1])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
     def between(edges_ns: Times) -> Floats:
         at = (edges_ns - origin_ns) * 1e-9
-        return np.diff(np.stack([np.interp(at, seconds, total[:, k]) for k in range(3)], axis=1), axis=0)
+        return np.diff(np.stack([np.interp(at, seconds, column) for column in total.T], axis=1), axis=0)
 
     return between
 

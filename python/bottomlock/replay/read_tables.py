@@ -199,6 +199,24 @@ LENGTH_SI = {"m": 1.0, "cm": 1e-2, "ft": 0.3048}
 REVOLUTIONS_SI = {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / np.pi}
 PRESSURE_SI = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "bar": 1e5, "dbar": 1e4}
 
+NEAR = 2.0
+"""A unit is told by a slope within this factor."""
+
+
+def rate_unit(scale: float, stated: str) -> tuple[str, float] | None:
+    """The unit of gyros that turn `scale` times as far as an attitude, and the scale in it; None where none is near.
+
+    Args:
+        scale: in the unit in which they were read.
+        stated: that unit.
+
+    >>> rate_unit(57.0, "rad/s")[0], rate_unit(1.1, "deg/s")[0], rate_unit(7.0, "rad/s"), rate_unit(-1.0, "rad/s")
+    ('deg/s', 'deg/s', None, None)
+    """
+    scales = {unit: scale * factor / OMEGA_SI[stated] for unit, factor in OMEGA_SI.items()}
+    return next(((unit, of) for unit, of in scales.items() if 1.0 / NEAR < of < NEAR), None)
+
+
 _REFUSED_MPS = 1e3
 """Speed through the water that the kernel refuses."""
 

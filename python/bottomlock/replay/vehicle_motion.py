@@ -15,11 +15,11 @@ from bottomlock.errors import DataError
 from bottomlock.kernel import local_earth
 from bottomlock.kernel.models import Environment
 from bottomlock.recordings.attitude_motion import divided, held, inertial_readings
+from bottomlock.recordings.pings import ping_velocity
 from bottomlock.recordings.stream_sections import ImuFromAttitude
 from bottomlock.recordings.streams import Attitudes, Beams, Flags, Floats, Inertial, Times
 from bottomlock.replay.case import Case
 from bottomlock.replay.clock import ClockReport
-from bottomlock.replay.motion.pings import ping_velocity
 from bottomlock.replay.streams import Streams, VehicleMotion
 
 

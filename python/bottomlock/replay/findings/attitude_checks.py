@@ -7,68 +7,70 @@ import polars as pl
 from scipy.spatial.transform import Rotation
 
 from bottomlock.files.replay_tables import FORWARD
+from bottomlock.recordings.attitude_fit import STEP_S, AttitudeFit, fit_attitude
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.finding import Finding
 from bottomlock.recordings.stream_sections import ImuStream
-from bottomlock.recordings.streams import Attitudes
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.motion_findings import ANEW
-from bottomlock.replay.motion.gyros import SLOPE_S, GyroFit, compare_gyros
-from bottomlock.replay.read_tables import OMEGA_SI
+from bottomlock.replay.read_tables import OMEGA_SI, rate_unit
 from bottomlock.replay.rerun import PreparedRun
 
 FEWEST = 60
+ONE_VEHICLE = 0.6
+"""Correlation of turns from which both are of one vehicle."""
 TURNED_RAD = np.deg2rad(25.0)
 """A smaller rotation may be a slow error of the attitude."""
 BETTER = 0.5
 """Part of the misfit that may be left after a rotation that is a finding."""
 
 
-def gyro_fit(case: Case, prepared: PreparedRun) -> GyroFit | None:
+def gyro_fit(case: Case, prepared: PreparedRun) -> AttitudeFit | None:
     """Gyros against the recorded attitude; None without either, and where they are not of one vehicle."""
     attitudes = prepared.streams.attitudes
     # Without an IMU the turns are those of the attitude itself.
     if case.attitude is None or attitudes is None or not isinstance(case.imu, ImuStream):
         return None
-    rows = slice(int(np.searchsorted(attitudes.time_ns, prepared.alignment.time_ns)), None)
-    fit = compare_gyros(prepared.readings, Attitudes(attitudes.time_ns[rows], attitudes.attitude[rows]))
-    return fit if fit is not None and fit.steps >= FEWEST and fit.one_vehicle else None
+    fit = fit_attitude(prepared.readings, attitudes.kept(attitudes.time_ns >= prepared.alignment.time_ns))
+    return fit if fit is not None and fit.steps >= FEWEST and fit.alike >= ONE_VEHICLE else None
 
 
-def attitude_findings(case: Case, fit: GyroFit | None) -> list[Finding]:
+def attitude_findings(case: Case, fit: AttitudeFit | None) -> list[Finding]:
     """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
     return [] if fit is None else [*_unit(case.readings.omega_unit, fit), *_mounting(fit)]
 
 
-def _unit(stated: str, fit: GyroFit) -> list[Finding]:
-    told = None if stated not in OMEGA_SI else fit.unit(stated)
+def _unit(stated: str, fit: AttitudeFit) -> list[Finding]:
+    told = None if stated not in OMEGA_SI else rate_unit(fit.scale, stated)
     if told is None or told[0] == stated:
         return []
     right, slope = told
     return [
         Finding(
-            "gyro_unit", "fault", min(3.0 * fit.steps * fit.misfit, 1e9),
+            "gyro_unit", "fault", min(fit.scale_gain, 1e9),
             f"The unit of the angular rate is wrong: {right} taken for {stated}.",
-            f"Slope of the gyros over the turns of the recorded attitude: {fit.slope:.3g} ± {fit.slope_sd:.1g} as "
-            f"stated, {slope:.3g} with {right}, expected 1; correlation {fit.correlation:.2f} over {fit.steps} "
-            f"intervals of {SLOPE_S:g} s.",
+            f"Slope of the gyros over the turns of the recorded attitude: {fit.scale:.3g} ± {fit.scale_sd:.1g} as "
+            f"stated, {slope:.3g} with {right}, expected 1; correlation {fit.alike:.2f} over {fit.steps} "
+            f"intervals of {STEP_S:g} s.",
             f'Set imu.omega_unit = "{right}" (now "{stated}"), and imu.errors anew: {ANEW}.', "imu.omega_unit",
             expected="a slope of 1",
         )
     ]  # fmt: skip
 
 
-def _mounting(fit: GyroFit) -> list[Finding]:
-    if fit.rotation.magnitude() < TURNED_RAD or fit.left > BETTER:
+def _mounting(fit: AttitudeFit) -> list[Finding]:
+    left = 1.0 / (1.0 + fit.rotation_gain / (3.0 * fit.steps))
+    rotation = Rotation.from_matrix(fit.rotation)
+    if rotation.magnitude() < TURNED_RAD or left > BETTER:
         return []
-    yaw, pitch, roll = fit.rotation.as_euler("ZYX", degrees=True)
+    yaw, pitch, roll = rotation.as_euler("ZYX", degrees=True)
     return [
         Finding(
-            "attitude_mounting", "fault", min(3.0 * fit.steps / max(fit.left, 1e-12), 1e9),
-            f"The attitude sensor is mounted {np.rad2deg(fit.rotation.magnitude()):.0f} deg off what is stated.",
+            "attitude_mounting", "fault", min(fit.rotation_gain, 1e9),
+            f"The attitude sensor is mounted {np.rad2deg(rotation.magnitude()):.0f} deg off what is stated.",
             f"Its turns and its level fit gyros and accelerometers after roll {roll:+.0f}, pitch {pitch:+.0f}, yaw "
-            f"{yaw:+.0f} deg: {100.0 * fit.left:.0f} % of the misfit is left, over {fit.steps} intervals of "
-            f"{SLOPE_S:g} s.",
+            f"{yaw:+.0f} deg: {100.0 * left:.0f} % of the misfit is left, over {fit.steps} intervals of "
+            f"{STEP_S:g} s.",
             f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
             f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
         )

@@ -8,6 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.pings import LEAST_PINGS, better_order
 from bottomlock.recordings.rig_fit import Match, Recorded
 from bottomlock.recordings.rig_motion import LENGTH_S
 from bottomlock.recordings.stream_sections import AttitudeStream, DepthStream
@@ -16,7 +17,6 @@ from bottomlock.replay.align import Alignment
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.limits import SMALL_CLAIM, WRONG_CLAIM
-from bottomlock.replay.motion.pings import LEAST_PINGS, better_order
 from bottomlock.replay.reckon import attitude_errors
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.streams import Streams

@@ -8,9 +8,11 @@ import polars as pl
 
 from bottomlock.files.replay_tables import FORWARD
 from bottomlock.own_method import DEAD_RECKONING
+from bottomlock.recordings.attitude_fit import AttitudeFit
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.closure import closure_sd
 from bottomlock.recordings.finding import Finding, ranked
+from bottomlock.recordings.pings import LEAST_PINGS
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Floats, Integers
@@ -36,8 +38,7 @@ from bottomlock.replay.findings.verdict import (
     no_fix,
     verdict_finding,
 )
-from bottomlock.replay.motion.gyros import NEAR, GyroFit
-from bottomlock.replay.motion.pings import LEAST_PINGS
+from bottomlock.replay.read_tables import NEAR
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
 from bottomlock.replay.vehicle_motion import at_imu, whole_pings
@@ -252,7 +253,7 @@ def _with_track(causes: list[Finding], track: Finding | None) -> list[Finding]:
 
 
 def _against_imu(
-    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats, gyros: GyroFit | None
+    case: Case, prepared: PreparedRun, time_ns: Integers, velocity: Floats, gyros: AttitudeFit | None
 ) -> list[Finding | None]:
     streams, alignment = prepared.streams, prepared.alignment
     inertial = prepared.readings
@@ -263,7 +264,7 @@ def _against_imu(
     )  # fmt: skip
     model = prepared.model.imu
     tight = tight_priors(model.gyro_bias_sd_radps, model.accel_bias_sd_mps2)
-    known = gyros is not None and 1.0 / NEAR < gyros.slope < NEAR
+    known = gyros is not None and 1.0 / NEAR < gyros.scale < NEAR
     comparison = compare(recorded, tight, _noise_mps(prepared), unit_is_right=known)
     if comparison is None:
         return []

@@ -1,20 +1,20 @@
 """A stream of a first case against the IMU: what brings its clock to the IMU's, and whose turns are the better ones."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bottomlock.recordings.attitude_fit import GyroErrors, gyro_errors
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import search_offset
-from bottomlock.recordings.streams import Attitudes, Floats, Inertial, Integers
+from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.init.attitude_part import AttitudePart
 from bottomlock.replay.init.dvl_part import ENOUGH_PINGS, DvlPart
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
 from bottomlock.replay.init.imu_part import ImuPart
-from bottomlock.replay.motion.gyros import SURE, GyroMatch, attitude_at, compare_gyros, match_gyros
-from bottomlock.replay.read_tables import OMEGA_SI
+from bottomlock.replay.read_tables import OMEGA_SI, rate_unit
 
 ENOUGH = 0.3
 """Streams that overlap by this fraction of the shorter one are taken to share a clock."""
@@ -44,8 +44,7 @@ def dvl_offset(dvl: DvlPart, imu: ImuPart) -> Guess:
     imu_s, dvl_s = ((last - first) * 1e-9 for first, last in (ours, theirs))
     least_s = min(LEAST_S, 0.5 * min(imu_s, dvl_s))
     if len(dvl.time_ns) > ENOUGH_PINGS:
-        inertial = Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps)
-        begun = Recorded(inertial, dvl.time_ns + round(starts_s * 1e9), dvl.velocity_p_mps)
+        begun = Recorded(imu.inertial, dvl.time_ns + round(starts_s * 1e9), dvl.velocity_p_mps)
         found = search_offset(begun, least_s - dvl_s, imu_s - least_s)
         if found is not None and found.clear:
             return Guess(
@@ -71,9 +70,13 @@ def _overlap(a: Span, b: Span) -> float:
     return (min(a[1], b[1]) - max(a[0], b[0])) / shorter
 
 
+SURE = 0.7
+"""Correlation of the turns from which their scale tells the unit."""
 EARTH_RADPS = 7.292115e-5
 POOR_RAD_RTS = 5e-4
 """Noise of gyros (1.7 deg/√h) from which the attitude's own turns are the better ones over seconds."""
+LONGEST_STEP_S = 0.5
+"""An attitude that is recorded less often does not resolve the turns of a small vehicle, and is not interpolated."""
 RESOLVED = 2.0
 """Sigmas of its square by which it has to be larger."""
 
@@ -88,26 +91,23 @@ class Rates:
         of_attitude: whether they are those of the attitude, as the gyros are poor.
     """
 
-    gyros: GyroMatch | None
+    gyros: GyroErrors | None
     omega_p_radps: Floats
     of_attitude: bool = False
 
 
 def unit_by_attitude(imu: ImuPart, attitude: AttitudePart | None) -> Guess | None:
     """Unit of the gyros by the slope of their turns over those of a recorded attitude; None where it does not tell."""
-    if attitude is None or imu.increments or attitude.match is None or not attitude.match.clear:
-        return None
-    inertial = Inertial(imu.time_ns, imu.force_p_mps2, imu.omega_p_radps)
-    fit = compare_gyros(inertial, Attitudes(*attitude.platform()))
-    told = None if fit is None or fit.correlation < SURE else fit.unit(imu.omega.value)
-    if fit is None or told is None:
+    match = None if attitude is None or imu.increments else attitude.match
+    told = None if match is None or not match.clear else rate_unit(match.scale, imu.omega.value)
+    if match is None or told is None or match.alike < SURE:
         return None
     unit, slope = told
     other = "deg/s" if unit == "rad/s" else "rad/s"
     return Guess(
         unit,
         f"in a second the gyros turn {slope:.2f} times as far as the recorded attitude "
-        f"({slope * OMEGA_SI[other] / OMEGA_SI[unit]:.2g} in {other}), correlation {fit.correlation:.2f}",
+        f"({slope * OMEGA_SI[other] / OMEGA_SI[unit]:.2g} in {other}), correlation {match.alike:.2f}",
     )
 
 
@@ -124,20 +124,19 @@ def turns(
     plain = Rates(None, imu.omega_p_radps)
     if attitude is None or attitude.match is None or not attitude.match.clear:
         return plain
-    times, platform = attitude.platform()
-    omega = imu.omega_p_radps
-    if np.isfinite(latitude_rad) and len(times):
+    platform, omega = attitude.platform(), imu.omega_p_radps
+    if np.isfinite(latitude_rad) and len(platform.time_ns):
         earth = EARTH_RADPS * np.array([np.cos(latitude_rad), 0.0, -np.sin(latitude_rad)])
-        nearest = np.clip(np.searchsorted(times, imu.time_ns), 0, len(times) - 1)
-        omega = omega - platform.inv().apply(earth)[nearest]
-    gyros = match_gyros(imu.time_ns, omega, times, platform, interval_s)
+        nearest = np.clip(np.searchsorted(platform.time_ns, imu.time_ns), 0, len(platform.time_ns) - 1)
+        omega = omega - platform.attitude.inv().apply(earth)[nearest]
+    gyros = gyro_errors(replace(imu.inertial, omega_p_radps=omega), platform, interval_s)
     if gyros is None:
         return plain
     if gyros.noise is not None and gyros.noise.square - RESOLVED * gyros.noise.sd > POOR_RAD_RTS**2:
-        found = attitude_at(times, platform, imu.time_ns)
-        if found is not None:
-            rates = _rates(imu, found[0])
-            known = found[1] & np.isfinite(rates).all(axis=1)
+        known = platform.covers(imu.time_ns, LONGEST_STEP_S)
+        if known.any():
+            rates = _rates(imu, platform.at(imu.time_ns))
+            known &= np.isfinite(rates).all(axis=1)
             omega = np.where(known[:, None], rates, imu.omega_p_radps - gyros.offset_radps)
             return Rates(gyros, omega, of_attitude=True)
     return Rates(gyros, imu.omega_p_radps - gyros.offset_radps)

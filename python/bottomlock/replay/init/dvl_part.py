@@ -14,6 +14,13 @@ from bottomlock.io.beam_table import BeamTable, Recording
 from bottomlock.io.beams import read_geometry
 from bottomlock.kernel import BeamGeometry
 from bottomlock.recordings.closure import Reordered
+from bottomlock.recordings.pings import (
+    PingNoise,
+    beam_noise,
+    better_order,
+    ping_velocity,
+    tilt_of_noise,
+)
 from bottomlock.recordings.rig_fit import Match
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
 from bottomlock.recordings.streams import Floats, Integers
@@ -22,13 +29,6 @@ from bottomlock.replay.init.beam_columns import range_columns
 from bottomlock.replay.init.entries import Entry
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import NOTHING, Guess
-from bottomlock.replay.motion.pings import (
-    PingNoise,
-    beam_noise,
-    better_order,
-    ping_velocity,
-    tilt_of_noise,
-)
 from bottomlock.replay.read_tables import SPEED_SI
 from bottomlock.replay.reading import no_velocity
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from bottomlock.config.instrument_grades import Grade, grades
 from bottomlock.errors import DataError
+from bottomlock.recordings.attitude_fit import GyroErrors
+from bottomlock.recordings.pings import LAGS
 from bottomlock.replay.init.entries import Entry, remark
 from bottomlock.replay.init.guess import Guess, round_up, white_noise
 from bottomlock.replay.init.rig import Parts
-from bottomlock.replay.motion.gyros import GyroMatch
-from bottomlock.replay.motion.pings import LAGS
 from bottomlock.replay.vehicle_motion import vehicle_motion
 
 PER_HOUR = 3600.0
@@ -141,7 +141,7 @@ def _noise(parts: Parts, scatter: Mapping[str, float]) -> dict[str, Guess]:
     }
 
 
-def attitude_noise(gyros: GyroMatch | None) -> Iterator[Entry]:
+def attitude_noise(gyros: GyroErrors | None) -> Iterator[Entry]:
     """The grade of the instrument, with its white noise, offset and walk as the filter then estimates them.
 
     Args:

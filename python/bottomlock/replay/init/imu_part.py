@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from bottomlock.errors import DataError
-from bottomlock.recordings.streams import Flags, Floats, Integers
+from bottomlock.recordings.streams import Flags, Floats, Inertial, Integers
 from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import (
     Guess,
@@ -76,6 +76,11 @@ class ImuPart:
     def omega_p_radps(self) -> Floats:
         """(n, 3) in platform axes."""
         return np.asarray(self.omega_s_radps @ self.axes.T)
+
+    @property
+    def inertial(self) -> Inertial:
+        """The readings in platform axes."""
+        return Inertial(self.time_ns, self.force_p_mps2, self.omega_p_radps)
 
     def with_axes(self, axes: Floats, why: str, *, known: bool) -> "ImuPart":
         """The same with other axes."""

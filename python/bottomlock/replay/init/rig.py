@@ -9,13 +9,15 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.recordings.attitude_fit import GyroErrors
 from bottomlock.recordings.axes import to_angles
 from bottomlock.recordings.noise_growth import Walk
+from bottomlock.recordings.pings import PingNoise, ping_noise
 from bottomlock.recordings.rig_fit import LOOSE, Match, Recorded, fit
 from bottomlock.recordings.rig_search import MIRROR, fit_anyhow
 from bottomlock.recordings.streams import Floats, Inertial
 from bottomlock.recordings.track_fit import TrackFit, fit_track
-from bottomlock.replay.init.against_imu import Rates, clock_offset, turns
+from bottomlock.replay.init.against_imu import LONGEST_STEP_S, Rates, clock_offset, turns
 from bottomlock.replay.init.attitude_part import AttitudePart, guess_attitude
 from bottomlock.replay.init.depth_part import DepthPart
 from bottomlock.replay.init.dvl_part import DvlPart, with_noise
@@ -23,8 +25,6 @@ from bottomlock.replay.init.found import Found
 from bottomlock.replay.init.guess import Guess
 from bottomlock.replay.init.imu_part import ImuPart
 from bottomlock.replay.init.positions import PositionPart
-from bottomlock.replay.motion.gyros import LONGEST_STEP_S, GyroMatch, attitude_at
-from bottomlock.replay.motion.pings import PingNoise, ping_noise
 from bottomlock.replay.vehicle_motion import vehicle_motion
 
 
@@ -46,7 +46,7 @@ class Parts:
     gps: PositionPart | None
     reference: PositionPart | None
     unused: Sequence[Found] = ()
-    gyros: GyroMatch | None = None
+    gyros: GyroErrors | None = None
     pings: PingNoise | None = None
 
     @property
@@ -336,12 +336,13 @@ def track_yaw(dvl: DvlPart, attitude: AttitudePart | None, positions: PositionPa
     if attitude is None or positions is None or len(dvl.time_ns) < 2:
         return None
     times = dvl.on_imu_ns
-    own_ns, platform = attitude.platform()
-    usual_s = float(np.median(np.diff(own_ns))) * 1e-9
-    own = attitude_at(own_ns, platform, times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))
-    if own is None:
+    platform = attitude.platform()
+    usual_s = float(np.median(np.diff(platform.time_ns))) * 1e-9
+    known = platform.covers(times, max(LONGEST_STEP_S, USUAL_STEPS * usual_s))
+    if known.sum() < 4:
         return None
-    times, velocity = times[own[1]], own[0][own[1]].apply(dvl.velocity_p_mps[own[1]])
+    times = times[known]
+    velocity = platform.at(times).apply(dvl.velocity_p_mps[known])
     way = cumulative_trapezoid(velocity, times * 1e-9 - times[0] * 1e-9, axis=0, initial=0.0)
     track = fit_track("positions", times, way, positions.time_ns, positions.north_east_m)
     tells = track is not None and track.agreement > TRACKED and track.sd_rad < QUARTER_SD_RAD
