@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 from bottomlock.recordings.robust import correlation_rows
-from bottomlock.replay.findings.verdict import claims_findings
+from bottomlock.replay.findings.claims import claims_findings
 
 ENDS = {
     "position": ("north_m", "east_m", "down_m"),

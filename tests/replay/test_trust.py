@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -15,14 +16,14 @@ from bottomlock.kernel.models import Robust
 from bottomlock.own_method import DEAD_RECKONING as METHOD
 from bottomlock.recordings.finding import Finding
 from bottomlock.replay.case import load_case
+from bottomlock.replay.findings.innovations import Innovations, least_ratio, no_fix, weight
 from bottomlock.replay.findings.limits import FALSE_ALARM, LIMIT, TIMES
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import Sway, _own
-from bottomlock.replay.findings.tracks import Agreement, agreements
-from bottomlock.replay.findings.trust import Evidence, Reference, against_reference, answer_of
-from bottomlock.replay.findings.verdict import Innovations, least_ratio, verdict_finding, weight
+from bottomlock.replay.findings.tracks import Agreement, Reference, against_reference, agreements
+from bottomlock.replay.findings.trust import Evidence
+from bottomlock.replay.findings.verdict import answer_of
 from bottomlock.replay.run import replay_case
-from bottomlock.statistics.chi_squared import CONSISTENT
 from tests.dive import drawn_dive
 from tests.dive_logs import write_case
 
@@ -105,13 +106,12 @@ def test_a_right_dive_with_student_t_is_in_the_band(replayed: ReplayTables) -> N
     rows = replayed.innovations.filter((pl.col("method") == "tc") & pl.col("nis").is_not_null())
     ratio = rows["nis"].to_numpy().mean() / rows["degrees"].to_numpy().mean()
     assert least_ratio(Robust()) * 0.9 < ratio < 0.9
-    assert replayed.manifest["findings"][0]["text"] == "Nothing is wrong with the filter's innovations."
+    assert replayed.manifest["answer"]["verdict"] == "yes"
 
 
 def evidence(**changes: object) -> Evidence:
-    verdict, state = verdict_finding(SEEN, None, NEAR)
     whole: dict[str, object] = {
-        "verdict": verdict, "state": state, "causes": (), "further": (), "seen": SEEN, "closure": "",
+        "causes": (), "further": (), "seen": SEEN, "closure": "",
         "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": None, "sway": None,
         "partial": 0.0, "methods": ("tc", "sway_current"), "sensors": (),
         "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0}, "way_m": 500.0, "reach_m": 100.0, "geometry_open": False,
@@ -137,8 +137,7 @@ BOTH_OFF = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, 300.0, 290.0)
 )
 def test_no_begins_with_the_cause(cause: Finding, agreement: Agreement, method: str) -> None:
     """Dead reckoning is the answer where the cause is not one of its own, and no reference contradicts it."""
-    verdict, state = verdict_finding(SEEN, cause, agreement)
-    answer = answer_of(evidence(verdict=verdict, state=state, causes=(cause,), agreements=(agreement,)))
+    answer = answer_of(evidence(causes=(cause,), agreements=(agreement,)))
     assert (answer.verdict, answer.sentence, answer.change, answer.method) == (
         "no", cause.text, cause.hint, method
     )  # fmt: skip
@@ -222,10 +221,7 @@ def test_a_reference_that_confirms_the_method_alone_clears_it(
 ) -> None:
     """A compass that stood still: dead reckoning is 29 m away, and wrong. It is never taken where it is."""
     apart = Agreement("tc", 29.0, 6.9, 20.0, 4.0, 1.0, rms_m, reckoned_rms_m, 1.4)
-    first, state = verdict_finding(SEEN, None, apart)
-    answer = answer_of(
-        evidence(verdict=first, state=state, agreements=(apart,), methods=("tc",), reference=AGREES)
-    )
+    answer = answer_of(evidence(agreements=(apart,), methods=("tc",), reference=AGREES))
     assert (answer.verdict, answer.method) == (verdict, method)
     assert (METHOD in answer.change) == (method == METHOD)
 
@@ -253,23 +249,15 @@ def test_a_mistake_that_has_not_moved_the_track_is_a_doubt(
     cause: Finding, agreement: Agreement, reference: Reference | None, verdict: str
 ) -> None:
     """A "no" needs a track that is off: from dead reckoning, or from the reference."""
-    first, state = verdict_finding(SEEN, cause, agreement)
-    found = answer_of(
-        evidence(verdict=first, state=state, causes=(cause,), agreements=(agreement,), reference=reference)
-    )
+    found = answer_of(evidence(causes=(cause,), agreements=(agreement,), reference=reference))
     assert found.verdict == verdict
 
 
 def test_a_mistake_is_held_against_the_claim_of_the_track_to_take() -> None:
     """A filter that claims next to nothing excuses no scale of dead reckoning, which is taken in its place."""
     cause, vague = replace(TILT, kind="scale", size=0.1), replace(NEAR, sd_m=30.0)
-    first, state = verdict_finding(SEEN, cause, vague)
     claims = {"tc": 30.0, METHOD: 1.0}
-    found = answer_of(
-        evidence(
-            verdict=first, state=state, causes=(cause,), agreements=(vague,), methods=("tc",), sd_m=claims
-        )
-    )
+    found = answer_of(evidence(causes=(cause,), agreements=(vague,), methods=("tc",), sd_m=claims))
     assert (found.verdict, found.method) == ("no", "")
 
 
@@ -348,10 +336,28 @@ def test_free_inertial_navigation_is_never_recommended(beaten: Agreement) -> Non
     assert answer_of(evidence(agreements=(), reckoned=False, methods=("ins",))).method == ""
 
 
-def test_low_nis_is_no_doubt() -> None:
-    verdict, state = verdict_finding(Innovations("tc", 500, 0.0, 1.0, 3.5, 2.0, 4.0), None, NEAR)
-    assert (verdict.text[:10], state) == ("NIS is low", CONSISTENT)
-    assert answer_of(evidence(verdict=verdict, state=state)).verdict == "yes"
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({"nis": 1.0}, "yes"),
+        ({"nis": 5.1, "degrees": 3.5}, "yes"),
+        ({"nis": 5.3, "degrees": 3.5}, "partly"),
+        ({"nis": 8.8, "degrees": 3.5}, "no"),
+        ({"rejected": 0.04}, "yes"),
+        ({"rejected": 0.05}, "partly"),
+        ({"rejected": 0.16}, "no"),
+    ],
+)
+def test_what_the_innovations_say(changes: dict[str, Any], verdict: str) -> None:
+    """A low NIS is no doubt; from 1.5 times its degrees or 4 % rejected it is one, from 2.5 and 15 % a "no"."""
+    answer = answer_of(evidence(seen=replace(SEEN, **changes)))
+    assert (answer.verdict, answer.method) == (verdict, METHOD if verdict == "no" else "tc")
+
+
+def test_without_a_fix_nothing_is_tested() -> None:
+    """Not even where dead reckoning, which the methods are then, is near."""
+    answer = answer_of(evidence(seen=None, causes=(no_fix(),)))
+    assert (answer.verdict, answer.sentence, answer.method) == ("no", no_fix().text, METHOD)
 
 
 @pytest.mark.parametrize(("sd", "time_s"), [(0.2, 20.0), (0.05, 5.0)])

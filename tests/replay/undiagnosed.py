@@ -7,7 +7,7 @@ import pytest
 from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings.diagnose import Diagnosis
-from bottomlock.replay.findings.trust import Answer
+from bottomlock.replay.findings.verdict import Answer
 from bottomlock.replay.run import replay_case
 
 NOTHING = Diagnosis([], Answer(verdict="no", sentence="", numbers=(), change="", method="", vehicle=""))

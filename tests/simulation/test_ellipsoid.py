@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from bottomlock import geodesy, kernel
 from bottomlock.config.scenario import load_scenario
 from bottomlock.kernel import models
-from bottomlock.replay.findings.verdict import earth_findings
+from bottomlock.replay.findings.earth import earth_findings
 from bottomlock.replay.vehicle_motion import level_axes
 from bottomlock.simulation.analytic import Attitudes, sample_motion
 from bottomlock.truth import Array, EllipsoidPath, Truth, on_ellipsoid

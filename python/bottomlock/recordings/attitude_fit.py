@@ -52,7 +52,9 @@ class _Way(NamedTuple):
     @property
     def stands(self) -> Floats:
         """(3, 3) from its turns to those of the platform."""
-        return rotation_matrices(np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])) @ FRAMES[self.frame]
+        return np.asarray(
+            rotation_matrices(np.array([0.0, 0.0, 0.5 * np.pi * self.quarters])) @ FRAMES[self.frame]
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from bottomlock.files.replay_tables import FORWARD, ReplayTables
 from bottomlock.pages.page import Block, Coloured, Detail, Page, Part, Picture, Table, Terms, Viewer, listed
 from bottomlock.pages.pieces import featured, findings_part, glossaries, json_part, title_of
 from bottomlock.pages.plots import Plots
-from bottomlock.replay.findings.trust import NOTHING
+from bottomlock.replay.findings.verdict import NOTHING
 from bottomlock.statistics.replay import summary_table, track_table
 from bottomlock.text import number
 

@@ -21,7 +21,7 @@ from bottomlock.pages.pieces import explained
 from bottomlock.pages.plots import Plots
 from bottomlock.replay.case import Case
 from bottomlock.replay.dive_plots import map_of, plots_of
-from bottomlock.replay.findings.verdict import least_ratio
+from bottomlock.replay.findings.innovations import least_ratio
 from bottomlock.replay.page import TIMELINE, VALIDITY, Drawing, featured_in, page_of
 from bottomlock.replay.panels import (
     beams_panel,

@@ -1,4 +1,4 @@
-"""The findings of a replay, the verdict first, then the likely causes; and the answer that they amount to."""
+"""The findings of a replay, the likely causes first; and the answer that they amount to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,24 +20,17 @@ from bottomlock.recordings.track_fit import TrackFit
 from bottomlock.replay.case import Case
 from bottomlock.replay.findings import checks
 from bottomlock.replay.findings.attitude_checks import attitude_findings, gyro_fit, heading_findings
+from bottomlock.replay.findings.claims import claims_findings
+from bottomlock.replay.findings.earth import earth_findings
 from bottomlock.replay.findings.hypotheses import compare, tight_priors
+from bottomlock.replay.findings.innovations import Innovations, innovations_of, least_ratio, no_fix
 from bottomlock.replay.findings.limits import UNUSED
 from bottomlock.replay.findings.motion_findings import Stated, motion_findings
 from bottomlock.replay.findings.sensors import SensorRow
 from bottomlock.replay.findings.sway import measured_sway
-from bottomlock.replay.findings.tracks import Agreement, agreements, fits, track_finding
-from bottomlock.replay.findings.trust import Answer, Evidence, against_reference, answer_of
-from bottomlock.replay.findings.verdict import (
-    ABSORBED,
-    WRONG,
-    Innovations,
-    claims_findings,
-    earth_findings,
-    innovations_of,
-    least_ratio,
-    no_fix,
-    verdict_finding,
-)
+from bottomlock.replay.findings.tracks import Agreement, against_reference, agreements, fits, track_finding
+from bottomlock.replay.findings.trust import Evidence
+from bottomlock.replay.findings.verdict import Answer, answer_of
 from bottomlock.replay.read_tables import NEAR
 from bottomlock.replay.rerun import PreparedRun
 from bottomlock.replay.screen_aiding import MANY, left_out_findings
@@ -60,7 +53,7 @@ def diagnose(
     innovations: pl.DataFrame,
     sensors: Sequence[SensorRow],
 ) -> Diagnosis:
-    """Of the recording as it is: the verdict, the likely causes, claims that a reference contradicts, and the answer.
+    """Of the recording as it is: the likely causes, claims that a reference contradicts, and the answer.
 
     Args:
         case: the case.
@@ -71,7 +64,6 @@ def diagnose(
     """
     methods = case.replay.filters
     causes = _causes(case, prepared, samples)
-    likeliest = causes[0] if causes else None
     beams = pl.Series(prepared.streams.beams.valid[prepared.pings].sum(axis=1))
     projected = prepared.streams.beams.velocity_d_mps is not None
     # Beams projected from a velocity have its noise three times over, and no closure.
@@ -80,11 +72,9 @@ def diagnose(
     reference_sd_m = 0.0 if case.reference is None else case.reference.sd_m
     agreed = agreements(samples, methods, reference_sd_m)
     if seen is None:
-        verdict, state = no_fix(), WRONG
+        causes = [no_fix(), *causes]
     else:
-        own = next((one for one in agreed if one.method == seen.method), None)
-        agreed = ([] if own is None else [own]) + [one for one in agreed if one is not own]
-        verdict, state = verdict_finding(seen, likeliest, own)
+        agreed.sort(key=lambda one: one.method != seen.method)
     further = [
         *_astray(agreed),
         *claims_findings(samples, methods, reference_sd_m),
@@ -97,7 +87,7 @@ def diagnose(
     tracks = _tracks(samples)
     stands = DEAD_RECKONING if DEAD_RECKONING in tracks else methods[0] if seen is None else seen.method
     evidence = Evidence(
-        verdict=verdict, state=state, causes=causes, further=further, seen=seen,
+        causes=causes, further=further, seen=seen,
         closure=next(iter(checks.closure_words(prepared)), ""),
         agreements=agreed, reckoned=bool((samples["method"] == DEAD_RECKONING).any()),
         aided=case.attitude is not None and case.attitude.aids != "nothing",
@@ -113,9 +103,10 @@ def diagnose(
         heading_open="attitude.yaw_offset_deg" in case.assumed,
         assumed=case.assumed,
     )  # fmt: skip
-    if state == ABSORBED:
+    answer = answer_of(evidence)
+    if answer.verdict != "no":
         causes = [replace(one, severity="warning") for one in causes]
-    return Diagnosis([verdict, *causes, *further], answer_of(evidence))
+    return Diagnosis([*causes, *further], answer)
 
 
 def _beyond_track(case: Case, prepared: PreparedRun) -> list[Finding]:
@@ -196,8 +187,8 @@ def _heading(
 
 def _astray(agreed: list[Agreement]) -> list[Finding]:
     """Methods beside the one of the verdict that leave dead reckoning, where that one does not."""
-    astray = [one for one in agreed[1:] if one.leaves or one.lost]
-    if not astray or agreed[0].leaves or agreed[0].lost:
+    astray = [one for one in agreed[1:] if one.departs]
+    if not astray or agreed[0].departs:
         return []
     worst = max(astray, key=lambda one: one.sigmas)
     return [

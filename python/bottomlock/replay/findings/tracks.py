@@ -23,9 +23,12 @@ from bottomlock.replay.findings.limits import (
     AXES,
     LIMIT,
     LOST,
+    OF_WAY,
+    REFERENCE_RMS_SIGMAS,
     REFERENCE_SIGMAS,
     TIMES,
     TURNED_SIGMAS,
+    UNUSED,
     VAGUE,
     WORSE,
 )
@@ -71,6 +74,11 @@ class Agreement:
         return vague and not self.leaves and not self.confirmed_alone
 
     @property
+    def departs(self) -> bool:
+        """Whether it is further from dead reckoning than a right method can be."""
+        return self.leaves or self.lost
+
+    @property
     def confirmed_alone(self) -> bool:
         """Whether the reference confirms the method, and not dead reckoning: a compass that stands still."""
         if self.rms_m is None or self.reckoned_rms_m is None or self.reckoned_rms_m <= WORSE * self.rms_m:
@@ -114,6 +122,13 @@ class Agreement:
     def vague(self) -> bool:
         """Whether its claim is so much larger than that of dead reckoning, if that is right, that it is of no use."""
         return self.sd_m > VAGUE * self.reckoned_sd_m and not self.confirmed_alone
+
+    def departure(self) -> str:
+        """How far it is from dead reckoning, in one sentence."""
+        return (
+            f"{self.method} is up to {metres(self.apart_m)} from dead reckoning: {self.sigmas:.1f} times what both "
+            f"claim, {self.own_sigmas:.0f} times what dead reckoning claims."
+        )
 
     def words(self) -> str:
         """The comparison in one sentence."""
@@ -171,6 +186,76 @@ def agreements(samples: pl.DataFrame, methods: Sequence[str], reference_sd_m: fl
             )
         )
     return found
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A method's horizontal position against the reference.
+
+    Attributes:
+        method: whose.
+        end_m: distance at the end.
+        end_sigmas: the same over the root of the sum of the squares of both σ.
+        rms_sigmas: RMS of the error over the same of an axis, over time.
+        rms_m: RMS of the error.
+        sd_m: noise of the reference, root of the sum over both axes.
+        until: part of the time of the track up to its last position.
+    """
+
+    method: str
+    end_m: float
+    end_sigmas: float
+    rms_sigmas: float
+    rms_m: float = 0.0
+    sd_m: float = 0.0
+    until: float = 1.0
+
+    @property
+    def confirms(self) -> bool:
+        """Whether it agrees up to the end: positions before a dive say nothing of what follows."""
+        return self.agrees and self.until > 1.0 - UNUSED
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the claims of both explain the distance."""
+        return self.end_sigmas <= REFERENCE_SIGMAS and self.rms_sigmas <= REFERENCE_RMS_SIGMAS
+
+    def near(self, way_m: float) -> bool:
+        """Whether the error is small of the distance travelled, and not explained by a large claim alone."""
+        return self.rms_m <= math.hypot(OF_WAY * way_m, self.sd_m)
+
+    def words(self) -> str:
+        """The comparison in one sentence."""
+        return (
+            f"Reference: {self.method} is {metres(self.end_m)} off at the end, {self.end_sigmas:.1f} times what both "
+            f"claim, {self.rms_sigmas:.2g} times RMS over time, horizontally."
+        )
+
+
+def against_reference(samples: pl.DataFrame, method: str, reference_sd_m: float) -> Reference | None:
+    """A method against the reference, horizontally; None without positions.
+
+    Args:
+        samples: `files.replay_tables.REPLAY_SAMPLES` of the recording.
+        method: whose.
+        reference_sd_m: 1 sigma of the reference along an axis.
+    """
+    rows = samples.filter((pl.col("pass") == FORWARD) & (pl.col("method") == method)).slice(1)
+    known = rows.filter(pl.all_horizontal(pl.col(f"err_position_{axis}_m").is_not_null() for axis in AXES))
+    if known.is_empty():
+        return None
+    errors = known.select(f"err_position_{axis}_m" for axis in AXES).to_numpy()
+    sd = known.select(f"sd_position_{axis}_m" for axis in AXES).to_numpy()
+    end_m, both_m = (
+        np.linalg.norm(errors[-1]),
+        np.hypot(np.linalg.norm(sd[-1]), np.sqrt(2.0) * reference_sd_m),
+    )
+    rms = np.sqrt(np.mean((errors / np.hypot(sd, reference_sd_m)) ** 2))
+    rms_m = np.sqrt(np.mean((errors**2).sum(axis=1)))
+    noise_m = float(np.sqrt(2.0) * reference_sd_m)
+    at = rows["time_ns"]
+    until = (known["time_ns"][-1] - at[0]) / max(at[-1] - at[0], 1)
+    return Reference(method, float(end_m), float(end_m / both_m), float(rms), float(rms_m), noise_m, until)
 
 
 def _columns(rows: pl.DataFrame) -> tuple[Floats, Floats, Floats]:
