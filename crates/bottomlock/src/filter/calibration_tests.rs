@@ -1,20 +1,16 @@
-//! Mounting and clock against a Kalman filter on all 31 states.
+//! Mounting and clock: what is certain, what they add to noise, and the accelerations that they need.
 
 use super::*;
 use crate::aiding::CorrelatedNoise;
 use crate::aiding::calibration::{CALIBRATION, CLOCK, CalibrationCovariance, CalibrationVector};
 use crate::aiding::further::FURTHER;
 use crate::aiding::water::sway_row;
-use crate::filter::level_turn::{advance, assert_close};
+use crate::filter::level_turn::advance;
 use crate::filter::mean_change::MeanChange;
 use crate::frames::skew;
 use crate::layout::GYRO_BIAS;
 use crate::testing::*;
 
-const BIAS: usize = DIM;
-const OWN: usize = DIM + 1;
-const WATER_AT: usize = OWN + CALIBRATION;
-const ALL: usize = WATER_AT + WATER;
 const PRIOR: CalibrationPrior = CalibrationPrior {
     mounting_sd_rad: [0.02, 0.03, 0.05],
     clock_sd_s: 0.1,
@@ -41,17 +37,8 @@ fn filter() -> Eskf {
         .with_water(Some(WaterBlock::new(&options.water)))
 }
 
-fn numbers(filter: &Eskf) -> CalibrationVector {
-    filter.calibration().unwrap().0.numbers()
-}
-
 fn change(filter: &Eskf) -> &MeanChange {
     filter.extensions.change.as_deref().unwrap()
-}
-
-/// The joint covariance of the error state, the bias of the depth sensor, mounting and clock, and the water states.
-fn joint(filter: &Eskf) -> DMatrix<f64> {
-    filter.joint_covariance()
 }
 
 /// Covariance of the error state with mounting and clock.
@@ -71,86 +58,6 @@ fn geometry() -> BeamGeometry {
         .unwrap()
         .with_lever_arms(&[Vec3::new(1.0, 0.2, 0.3); 4])
         .unwrap()
-}
-
-/// P − P Hᵀ (H P Hᵀ + R)⁻¹ H P of all states, and the estimated error.
-fn updated(p: &DMatrix<f64>, h: &DMatrix<f64>, r: &DMatrix<f64>, z: &DVector<f64>) -> (DMatrix<f64>, DVector<f64>) {
-    let gain = p * h.transpose() * (h * p * h.transpose() + r).try_inverse().unwrap();
-    (p - &gain * h * p, gain * z)
-}
-
-/// Pings of four, two and one beam, depths and assumptions by turns: covariance and estimates of all states are the textbook's.
-#[test]
-fn updates_are_the_textbook_updates_of_all_states() {
-    let mut filter = filter();
-    let masks = [
-        BeamMask::all(4),
-        [0, 2].into_iter().collect(),
-        [3].into_iter().collect(),
-    ];
-    for valid in masks {
-        advance(&mut filter, 60);
-        filter.prepare_for_ping();
-        let terms = filter.beam_terms(&geometry(), &ping(valid));
-        let innovation = tightly_coupled(&terms, &ping(valid));
-        let m = innovation.rows;
-        let rows = innovation.by_further.as_deref().unwrap();
-        let h = DMatrix::from_fn(m, ALL, |i, j| match j {
-            j if j < DIM => innovation.jacobian[(i, j)],
-            j if (OWN..WATER_AT).contains(&j) => rows[(i, block::CALIBRATION.first + j - OWN)],
-            _ => 0.0,
-        });
-        let r = innovation.noise.view((0, 0), (m, m)).into_owned();
-        let z = innovation.residual.rows(0, m).into_owned();
-        let (p, before) = (joint(&filter), numbers(&filter));
-        let (expected, error) = updated(&p, &h, &r, &z);
-        filter.update(&innovation, Sensor::Beams).unwrap();
-        assert_close(&joint(&filter), &expected, 1e-9, "ping");
-        let after = numbers(&filter);
-        for k in 0..CALIBRATION {
-            // Rotations compose to second order.
-            assert!((after[k] - before[k] - error[OWN + k]).abs() < 5e-4, "{k}");
-        }
-
-        advance(&mut filter, 30);
-        let innovation = depth(
-            &Motion::still(&filter.state()),
-            0.3,
-            0.02,
-            &Vec3::from_array([0.4, 0.1, -0.2]),
-        );
-        let h = DMatrix::from_fn(1, ALL, |_, j| match j {
-            j if j < DIM => innovation.jacobian[(0, j)],
-            j => f64::from(u8::from(j == BIAS)),
-        });
-        let p = joint(&filter);
-        let (expected, _) = updated(&p, &h, &DMatrix::from_element(1, 1, 4e-4), &DVector::zeros(1));
-        filter.update(&innovation, Sensor::Depth).unwrap();
-        assert_close(&joint(&filter), &expected, 1e-9, "depth");
-
-        advance(&mut filter, 20);
-        let water = filter.water_states().unwrap().estimate;
-        let assumed = filter.with_motion(|motion| sway_row(motion, &water));
-        let mut begun = filter.clone();
-        let added = begun.extensions.water.as_deref_mut().unwrap().begin_epoch(&assumed);
-        begun
-            .extensions
-            .further
-            .as_deref_mut()
-            .unwrap()
-            .add_variance(block::WATER.first + assumed.slip, added);
-        let h = DMatrix::from_fn(1, ALL, |_, j| match j {
-            j if j < DIM => assumed.by_state[j],
-            j if j >= WATER_AT => assumed.by_water[j - WATER_AT],
-            _ => 0.0,
-        });
-        let r = DMatrix::from_element(1, 1, assumed.variance);
-        let (expected, _) = updated(&joint(&begun), &h, &r, &DVector::zeros(1));
-        filter.assume(&assumed, Sensor::Sway).unwrap();
-        assert_close(&joint(&filter), &expected, 1e-9, "assumption");
-    }
-    let (_, covariance) = filter.calibration().unwrap();
-    assert!(covariance[(CLOCK, CLOCK)] < PRIOR.clock_sd_s.powi(2));
 }
 
 /// An unknown without prior deviation stays what it is, to the last bit.

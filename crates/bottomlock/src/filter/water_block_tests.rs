@@ -1,12 +1,10 @@
-//! The water states against a Kalman filter on all 26 states, and what is measured and tested of the slip.
+//! What the water states become, and what is measured and tested of the slip.
 
 use super::*;
 use crate::aiding::further::FurtherVector;
 use crate::aiding::water::sway_row;
-use crate::filter::level_turn::{advance, assert_close};
+use crate::filter::level_turn::advance;
 use crate::testing::*;
-
-const ALL: usize = DIM + WATER;
 
 fn filter() -> Eskf {
     let mut state = NavState::at_rest(0);
@@ -26,58 +24,9 @@ fn left(duration_s: f64) -> WaterVector {
         .into()
 }
 
-fn joint(filter: &Eskf) -> DMatrix<f64> {
-    filter.joint_covariance()
-}
-
 fn row(filter: &Eskf) -> WaterRow {
     let water = filter.water_states().unwrap().estimate;
     filter.with_motion(|motion| sway_row(motion, &water))
-}
-
-/// Alternate assumptions and measurements: covariance and estimate of all 26 states are those of P − P Hᵀ S⁻¹ H P.
-#[test]
-fn updates_are_the_textbook_updates_of_all_states() {
-    let mut filter = filter();
-    for round in 0..4 {
-        advance(&mut filter, 100);
-        let assumed = row(&filter);
-        let mut p = joint(&filter);
-        // The uncertainty due to the angular rate is added to the slip first.
-        let uncertainty = assumed.turning_mps - filter.water().unwrap().turning_mps[assumed.slip];
-        p[(DIM + assumed.slip, DIM + assumed.slip)] += uncertainty * uncertainty;
-        let h = DVector::from_fn(ALL, |i, _| {
-            if i < DIM {
-                assumed.by_state[i]
-            } else {
-                assumed.by_water[i - DIM]
-            }
-        });
-        let s = h.dot(&(&p * &h)) + assumed.variance;
-        let gain = &p * &h / s;
-        let before = filter.water_states().unwrap().estimate;
-        let report = filter.assume(&assumed, Sensor::Sway).unwrap();
-        assert!((report.covariance[(0, 0)] / s - 1.0).abs() < 1e-12);
-        check(&joint(&filter), &(&p - &gain * s * gain.transpose()), round);
-        let mut expected = Water::common(&before);
-        let step = SVector::from_fn(|k, _| gain[DIM + k] * assumed.residual);
-        expected.inject(gain[ATTITUDE + 2] * assumed.residual, &step, &LayerVector::zeros());
-        assert!((filter.water_states().unwrap().estimate - expected.estimate).amax() < 1e-14);
-
-        // A measurement of the sway over ground alone.
-        let mut measured = Innovation {
-            rows: 1,
-            degrees: 1,
-            ..Innovation::empty()
-        };
-        measured.jacobian[(0, crate::layout::VELOCITY + 1)] = 1.0;
-        (measured.residual[0], measured.noise[(0, 0)]) = (0.05, 0.01);
-        let p = joint(&filter);
-        let column = p.column(crate::layout::VELOCITY + 1).into_owned();
-        let s = column[crate::layout::VELOCITY + 1] + 0.01;
-        filter.update(&measured, Sensor::Velocity).unwrap();
-        check(&joint(&filter), &(&p - &column * column.transpose() / s), round);
-    }
 }
 
 /// The covariance of the current about true north against that of the numerical differences of [`inject`], by the
@@ -95,7 +44,7 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
     moved[block::WATER.first + CURRENT] = 0.2 - estimate[CURRENT];
     moved[block::WATER.first + CURRENT + 1] = -0.5 - estimate[CURRENT + 1];
     filter.extensions.further.as_mut().unwrap().inject(0.0, &moved);
-    let (p, estimate) = (joint(&filter), filter.water_states().unwrap().estimate);
+    let (p, estimate) = (filter.joint_covariance(), filter.water_states().unwrap().estimate);
     let states = [ATTITUDE + 2, DIM + CURRENT, DIM + CURRENT + 1];
     let by_state = DMatrix::from_fn(2, 3, |i, j| {
         let moved = |step: f64| {
@@ -113,13 +62,6 @@ fn covariance_of_the_current_has_the_error_of_the_heading() {
     let found = filter.current().unwrap().1;
     assert!((DMatrix::from_fn(2, 2, |i, j| found[(i, j)]) - expected).amax() < 1e-10);
     assert_eq!(filter.with_water(None).current(), None);
-}
-
-fn check(got: &DMatrix<f64>, expected: &DMatrix<f64>, round: usize) {
-    assert_close(got, expected, 1e-10, &format!("round {round}"));
-    let sizes = DVector::from_fn(ALL, |i, _| got[(i, i)].sqrt());
-    let correlation = DMatrix::from_fn(ALL, ALL, |i, j| got[(i, j)] / sizes[i] / sizes[j]);
-    assert!(correlation.symmetric_eigenvalues().min() > -1e-12, "round {round}");
 }
 
 /// Between epochs the water states decay with their correlations, and each variance tends to its steady state.
