@@ -109,12 +109,11 @@ pub(crate) fn every_step() -> Options {
     }
 }
 
+/// Words of a refusal, and the change that earns it.
+pub(crate) type Fault<T> = (&'static str, fn(&mut T));
+
 /// Asserts that a value passes its check, and with each of the changes fails it in a message that has the words.
-pub(crate) fn assert_refused<T: Clone>(
-    good: &T,
-    check: impl Fn(&T) -> Result<(), NavError>,
-    faults: &[(&str, fn(&mut T))],
-) {
+pub(crate) fn assert_refused<T: Clone>(good: &T, check: impl Fn(&T) -> Result<(), NavError>, faults: &[Fault<T>]) {
     assert_eq!(check(good), Ok(()));
     for (number, (words, change)) in faults.iter().enumerate() {
         let mut bad = good.clone();

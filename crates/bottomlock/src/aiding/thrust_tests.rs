@@ -143,7 +143,7 @@ fn models_are_checked() {
         ..ThrustModel::default()
     };
     assert_eq!([0, 1, 2].map(|axis| good.has(axis)), [false, true, false]);
-    let faults: [(&str, fn(&mut ThrustModel)); 3] = [
+    let faults: [Fault<ThrustModel>; 3] = [
         ("thrust.scale_sd", |model| model.scale_sd[2] = f64::INFINITY),
         ("thrust.slip_sd_mps", |model| model.slip_sd_mps[1] = 0.0),
         ("thrust.slip_sd_mps", |model| model.slip_sd_mps[1] = 1e5),

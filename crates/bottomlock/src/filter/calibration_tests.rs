@@ -228,7 +228,7 @@ fn change_of_the_velocity_by_the_states() {
 #[test]
 fn restored_numbers_are_checked() {
     let filter = correlated();
-    let faults: [(&str, fn(&mut MeanChange)); 2] = [
+    let faults: [Fault<MeanChange>; 2] = [
         ("", |change| change.acceleration_p_mps2.y = f64::NAN),
         ("", |change| change.angular_acceleration_p_radps2.z = f64::NAN),
     ];

@@ -364,7 +364,7 @@ fn the_path_below_a_curved_sea_is_the_tangent_of_the_exact_one() {
     error
         .fixed_rows_mut::<3>(VELOCITY)
         .copy_from(&Vector3::new(1.0, -3.0, 0.2));
-    let earth = filter.settings.earth.clone();
+    let earth = filter.settings.earth;
     let here_t_m = filter.state().position_t_m;
     let by_heave = filter.heave_by_misalignment(&error);
     let before = earth.level(&here_t_m);

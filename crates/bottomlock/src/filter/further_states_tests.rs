@@ -355,7 +355,7 @@ fn restored_numbers_are_checked() {
     let mut good = FurtherStates::none();
     good.begin(&(block::DEPTH_BIAS, vec![Process::lasting(1.0, 50.0)]));
     good.begin(&(block::DEPTH_WAVE, vec![Process::lasting(1.0, 8.0); 2]));
-    let faults: [(&str, fn(&mut FurtherStates)); 8] = [
+    let faults: [Fault<FurtherStates>; 8] = [
         ("", |further| further.mean[0] = f64::NAN),
         ("", |further| further.estimate[1] = f64::INFINITY),
         ("", |further| (further.variance[1], further.time_s[2]) = (1.0, 0.0)),

@@ -118,7 +118,7 @@ fn alarms_widen_by_hand() {
 #[test]
 fn restored_numbers_are_checked() {
     let good = WaterBlock::new(&WaterPrior::default());
-    let faults: [(&str, fn(&mut WaterBlock)); 5] = [
+    let faults: [Fault<WaterBlock>; 5] = [
         ("", |block| block.prior.slip_time_s = 0.0),
         ("", |block| block.since_s = f64::NAN),
         ("", |block| block.turning_mps[4] = f64::NAN),
