@@ -47,7 +47,8 @@ def screened(P: Array, H: Array, A: Array, sd: Array, z: Array, probability: flo
     S, beams = H @ P @ H.T + np.diag(sd**2), np.arange(len(z))
     if passes(S, A, z, probability):
         return np.ones(len(z))
-    for count in range(1, len(z) // 2 + 1):
+    is_redundant = len(z) > np.linalg.matrix_rank(A)
+    for count in range(1, len(z) // 2 + 1 if is_redundant else len(z)):
         nis = {}
         for gone in itertools.combinations(beams, count):
             rest = np.setdiff1d(beams, gone)
@@ -55,7 +56,7 @@ def screened(P: Array, H: Array, A: Array, sd: Array, z: Array, probability: flo
         first, second = sorted(nis, key=nis.__getitem__)[:2]
         rest = np.setdiff1d(beams, first)
         if passes(S[np.ix_(rest, rest)], A[rest], z[rest], probability):
-            if np.exp((nis[second] - nis[first]) / 2) >= 20.0:
+            if not is_redundant or nis[second] - nis[first] >= 2.0 * np.log(20.0):
                 return np.isin(beams, rest).astype(float)
             null = scipy.linalg.null_space(A.T)
             gap = null.T @ z

@@ -135,7 +135,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Floats]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("corrects", "factor", "least", "over_sigma"), [("velocity", 3.3, 1.5, 0.89), ("all", 5.7, 2.0, 0.99)]
+    ("corrects", "factor", "least", "over_sigma"), [("velocity", 2.33, 1.64, 0.95), ("all", 5.4, 3.4, 0.83)]
 )
 def test_factors_of_the_page(
     ends: dict[str, Floats], corrects: str, factor: float, least: float, over_sigma: float

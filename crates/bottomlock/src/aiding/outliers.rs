@@ -16,6 +16,7 @@
 //! four beams, since any three are not redundant; the prediction of the inertial navigation decides, by the NIS of the rest. Where
 //! that of the next best choice is within odds of 20 to 1, as after a start or an outage, no beam stands out: all keep their readings,
 //! with the noise of their closure if it fails. Where more than half would go, the prediction is wrong, and none is left.
+//! Beams without redundancy are judged one by one, since they fit some velocity whatever they read.
 //!
 //! # Heavy tails
 //! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. With Student's t of
@@ -210,7 +211,10 @@ impl Rows {
     fn outliers(&self, robust: &Robust, geometry: &BeamGeometry, time_ns: i64) -> Result<Option<Vec<usize>>, NavError> {
         let beams = self.beams.len();
         let all = (1_usize << beams) - 1;
-        for count in 1..=beams / 2 {
+        // Without redundancy the prediction alone judges, beam by beam.
+        let is_redundant = self.closure(geometry, time_ns)?.1 > 0;
+        let most = if is_redundant { beams / 2 } else { beams - 1 };
+        for count in 1..=most {
             let mut rests = Vec::new();
             for bits in (1..all).filter(|bits| bits.count_ones() as usize == count) {
                 let rest = self.of(all ^ bits);
@@ -219,7 +223,7 @@ impl Rows {
             rests.sort_by(|one, other| one.0.total_cmp(&other.0));
             let (least, bits, rest) = &rests[0];
             if rest.pass(robust, geometry, time_ns)? {
-                let stands_out = rests.get(1).is_none_or(|next| next.0 - least >= STANDS_OUT);
+                let stands_out = !is_redundant || rests.get(1).is_none_or(|next| next.0 - least >= STANDS_OUT);
                 return Ok(stands_out.then(|| self.of(*bits).beams));
             }
         }

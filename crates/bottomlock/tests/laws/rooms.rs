@@ -51,7 +51,10 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn rooms_and_code() -> Vec<(String, PathBuf, Vec<String>)> {
     let mut files = Vec::new();
     rust_files(&sources(), &mut files);
-    let is_code = |path: &PathBuf| !path.ends_with("lib.rs") && !path.to_str().unwrap().ends_with("tests.rs");
+    let is_code = |path: &PathBuf| {
+        let is_test = path.ends_with("testing.rs") || path.to_str().unwrap().ends_with("tests.rs");
+        !path.ends_with("lib.rs") && !is_test
+    };
     let read = |path: PathBuf| {
         let first = path.strip_prefix(sources()).unwrap().components().next().unwrap();
         let room = first.as_os_str().to_str().unwrap().trim_end_matches(".rs").to_owned();
