@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from bottomlock.cli.common import Force
-from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors, narrow_table, say
+from bottomlock.cli.console import EXIT_NOTHING_VALID, console, errors, late_bar, narrow_table, say
 from bottomlock.cli.parameters import beside, check_ending
 from bottomlock.errors import OutputError
 from bottomlock.io.rows import PLAIN, Options
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from bottomlock.io.beam_table import Account, BeamTable, Reason, Recording, WaterTable
 
 SHOWN = 28
-SAID_FROM_BYTES = 50_000_000
+BAR_FROM_BYTES = 50_000_000
 
 
 def convert(
@@ -64,9 +66,8 @@ def convert(
     _check_account(file, out)
     inputs = [file, *(file.iterdir() if file.is_dir() else ()), *map(Path, filter(None, [options.columns]))]
     check_free(out, sidecar(out), water_file(out), inputs=inputs, force=force)
-    if file.is_file() and file.stat().st_size > SAID_FROM_BYTES:
-        say(f"reading {file.stat().st_size / 1e6:.0f} MB")
-    recording = read_recording(file, format=format, options=options)
+    with _bar(file):
+        recording = read_recording(file, format=format, options=options)
     write_recording(recording, out, source=file)
     print_recording(recording)
     water = "" if recording.water is None else f", {water_file(out).name}"
@@ -90,6 +91,24 @@ def _check_account(file: Path, out: Path) -> None:
             place=sidecar(out),
             hint=f"choose another name for --out, such as {out.stem}_beams.parquet",
         )
+
+
+@contextlib.contextmanager
+def _bar(file: Path) -> Iterator[None]:
+    """A bar with rate and time left while a long file is read."""
+    from rich.progress import DownloadColumn, TransferSpeedColumn
+
+    from bottomlock.io.progress import progress_to
+
+    size = file.stat().st_size if file.is_file() else 0
+    if size <= BAR_FROM_BYTES:
+        yield
+        return
+    with (
+        late_bar("reading", DownloadColumn(), TransferSpeedColumn()) as report,
+        progress_to(lambda reached: report(total=size, completed=reached)),
+    ):
+        yield
 
 
 def _nothing_valid(table: BeamTable) -> str:

@@ -2,18 +2,28 @@
 
 import datetime as dt
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from bottomlock.io.account import Account
 from bottomlock.io.framing import Framer
+from bottomlock.io.progress import reporter
 
 BLOCK = 1 << 17
 """Bytes of a file that are read at a time."""
 
 _EPOCH = dt.date(1970, 1, 1).toordinal()
+
+
+def blocks(length: int) -> Iterator[int]:
+    """Where each block of a file begins; tells how far the search is."""
+    report = reporter()
+    for block in range(0, length, BLOCK):
+        if block and report is not None:
+            report(block)
+        yield block
 
 
 def word_at(data: bytes, at: int) -> int:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bottomlock.errors import DataError
 from bottomlock.io.account import Account, Flags, Floats, Integers
+from bottomlock.io.progress import sparse_reporter
 
 HEAD = b"\xa3\x95"
 _FMT, _FMT_BYTES = 128, 89
@@ -158,6 +159,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list["array[int
     at, end, first, second = 0, len(data), HEAD[0], HEAD[1]
     # Boards log to pages of a fixed size: from here on there is nothing but filling.
     filling = min(len(data.rstrip(one)) for one in _PADDING)
+    reached = sparse_reporter()
     while at < end:
         length = (
             lengths[data[at + 2]] if at + 3 <= end and data[at] == first and data[at + 1] == second else 0
@@ -171,6 +173,7 @@ def _offsets(data: bytes, place: str, account: Account) -> tuple[list["array[int
             if kind == _FMT:
                 _define(data[at + 3 : after], place, at, lengths, formats)
             at = after
+            reached(at)
             continue
         if at >= filling:
             break

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from bottomlock.errors import DataError
 from bottomlock.io.beam_table import MOST_BEAMS, Account, BeamTable, Recording, WaterTable
-from bottomlock.io.binary_records import BLOCK, Binary, Framing
+from bottomlock.io.binary_records import BLOCK, Binary, Framing, blocks
 from bottomlock.io.framing import Framer, Lines
 from bottomlock.io.ros_messages import decode, stamp_ns
 from bottomlock.io.rows import (
@@ -439,7 +439,7 @@ class Format:
             DataError: where no record is a ping, with what there was.
         """
         decoder = self.decoder(place, options, MOST_BEAMS)
-        for at in range(0, len(data), BLOCK):
+        for at in blocks(len(data)):
             decoder.feed(data[at : at + BLOCK])
         decoder.close()
         return replace(decoder.recording(), format=self.name)

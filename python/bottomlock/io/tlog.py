@@ -26,6 +26,7 @@ from bottomlock.io.log_stream import (
     finish,
     velocity_of_displacements,
 )
+from bottomlock.io.progress import sparse_reporter
 from bottomlock.libraries import mavlink
 from bottomlock.units import STANDARD_GRAVITY_MPS2
 
@@ -202,7 +203,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
     heartbeat = library.MAVLINK_MSG_ID_HEARTBEAT
     found: dict[tuple[_Source, str], _Read] = {}
     vehicles: set[int] = set()
-    at, size = 0, len(data)
+    at, size, reached = 0, len(data), sparse_reporter()
     while at < size:
         end = _end(data, at)
         if end is None or end > size:
@@ -238,6 +239,7 @@ def _messages(data: bytes, account: Account) -> tuple[dict[tuple[_Source, str], 
         else:
             account.pass_by("messages of other kinds", at)
         at = end
+        reached(at)
     return {key: one for key, one in found.items() if one.values}, vehicles
 
 
