@@ -17,7 +17,6 @@ use bottomlock::layout::DVL_BIAS;
 use bottomlock::model::*;
 use nalgebra::{Matrix3xX, Vector4};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 fn model() -> Model {
     Model {
@@ -155,15 +154,15 @@ fn gap(one: &(NavState, Covariance, f64), two: &(NavState, Covariance, f64)) -> 
     worst
 }
 
-/// Number of independent beams, or `None` for a mask whose beams nearly lie in a plane or on a line, where rounding
-/// dominates.
+/// Number of independent beams and their condition number, or `None` for a mask whose beams nearly lie in a plane or on a
+/// line, where rounding dominates.
 ///
 /// The bound of 30 on the condition number includes every real instrument (three beams at 20° have 3.9). A singular value of
 /// 1e-7 of the largest is a direction that tight coupling reads and a fix leaves out, so only those of rounding are none.
-fn rank(case: &Case) -> Option<usize> {
-    let directions: Vec<_> = case.mask.iter().map(|beam| *case.geometry.direction_p(beam)).collect();
+fn rank_and_condition(geometry: &BeamGeometry, mask: BeamMask) -> Option<(usize, f64)> {
+    let directions: Vec<_> = mask.iter().map(|beam| *geometry.direction_p(beam)).collect();
     if directions.is_empty() {
-        return Some(0);
+        return Some((0, 1.0));
     }
     let values = Matrix3xX::from_columns(&directions).singular_values();
     let largest = values.max();
@@ -173,7 +172,11 @@ fn rank(case: &Case) -> Option<usize> {
         .filter(|value| *value > 1e-13 * largest)
         .collect();
     let smallest = seen.iter().copied().fold(largest, f64::min);
-    (smallest > largest / 30.0).then_some(seen.len())
+    (smallest > largest / 30.0).then_some((seen.len(), largest / smallest))
+}
+
+fn rank(case: &Case) -> Option<usize> {
+    Some(rank_and_condition(&case.geometry, case.mask)?.0)
 }
 
 const AXES: InformationPort = InformationPort::Axes;
@@ -251,12 +254,14 @@ proptest! {
 
 /// Pings with masks, wild beams and noise that vary from one to the next, through outlier treatment, gate and inflation: the
 /// methods stay one filter.
+///
+/// Beside it the largest variance of the velocity over that of the beams' noise, by which an update multiplies rounding.
 fn sequence(
     case: &Case,
     pings: &[(usize, [f64; MAX_BEAMS])],
     aiding: BeamAiding,
     port: InformationPort,
-) -> (NavState, Covariance, f64) {
+) -> ((NavState, Covariance, f64), f64) {
     let options = Options {
         gate_probability: 0.9,
         assumptions: EXACT,
@@ -267,7 +272,7 @@ fn sequence(
     };
     let mut navigator = Navigator::new(case.state, case.geometry.clone(), aiding, &model(), &options).unwrap();
     navigator.filter_mut().set_covariance(&case.covariance).unwrap();
-    let mut nis = 0.0;
+    let (mut nis, mut variance_m2ps2) = (0.0, 0.0_f64);
     for (number, (bits, readings)) in pings.iter().enumerate() {
         let time_ns = number as i64 * 200_000_000;
         let imu = ImuSample {
@@ -283,20 +288,31 @@ fn sequence(
             valid: (0..case.geometry.beams()).filter(|k| bits & (1 << k) != 0).collect(),
         };
         navigator
-            .push(&Event::Beams(ping), &mut |report| nis += report.nis)
+            .push(&Event::Beams(ping), &mut |report| {
+                nis += report.nis;
+                variance_m2ps2 = variance_m2ps2.max(report.covariance.diagonal().max());
+            })
             .unwrap();
+        let velocity = navigator.covariance().fixed_view::<3, 3>(6, 6).into_owned();
+        variance_m2ps2 = variance_m2ps2.max(velocity.diagonal().max());
     }
-    (navigator.state(), navigator.covariance(), nis)
+    let least_sd_mps = case.sd[..case.geometry.beams()]
+        .iter()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    (
+        (navigator.state(), navigator.covariance(), nis),
+        variance_m2ps2 / least_sd_mps.powi(2),
+    )
 }
 
 proptest! {
-    // The seed was fixed after a random one had failed: one case of some 50,000, whose covariance the gate has inflated, is up
-    // to 2e-6 apart by rounding. The law below holds for the cases of this seed, and is not claimed to 1e-7 for every case.
-    #![proptest_config(ProptestConfig {
-        cases: cases(500), max_global_rejects: 10_000_000, rng_seed: RngSeed::Fixed(2017), ..ProptestConfig::default()
-    })]
+    #![proptest_config(ProptestConfig { cases: cases(500), max_global_rejects: 10_000_000, ..ProptestConfig::default() })]
 
     /// Twelve pings, each with a mask of its own and a beam in five wild: one filter under four names.
+    ///
+    /// After inflations the velocity's σ may be 1e5 times that of a beam. Of 600,000 comparisons 2,500 were above 1e-9, and none
+    /// above a tenth of the bound.
     #[test]
     fn masks_that_vary_and_beams_that_are_weighted(
         case in case(true, true),
@@ -304,19 +320,24 @@ proptest! {
     ) {
         let readings = |one: [(f64, u8); MAX_BEAMS]| one.map(|(value, draw)| if draw == 0 { 10.0 * value } else { 0.3 * value });
         let pings: Vec<_> = pings.into_iter().map(|(bits, one)| (bits, readings(one))).collect();
-        let every_mask_is_well_conditioned = pings.iter().all(|(bits, _)| {
-            let mask = (0..case.geometry.beams()).filter(|k| bits & (1 << k) != 0).collect();
-            rank(&Case { mask, ..case.clone() }).is_some()
-        });
-        prop_assume!(every_mask_is_well_conditioned);
-        let tight = sequence(&case, &pings, BeamAiding::Tight, AXES);
+        let conditions: Option<Vec<f64>> = pings
+            .iter()
+            .map(|(bits, _)| {
+                let mask = (0..case.geometry.beams()).filter(|k| bits & (1 << k) != 0).collect();
+                Some(rank_and_condition(&case.geometry, mask)?.1)
+            })
+            .collect();
+        prop_assume!(conditions.is_some());
+        let of_beams = conditions.unwrap().into_iter().fold(1.0, f64::max);
+        let (tight, of_update) = sequence(&case, &pings, BeamAiding::Tight, AXES);
+        let rounding = 1e-9 + 1e3 * f64::EPSILON * of_update * of_beams.powi(2);
         for (method, port) in [
             (PartialMethod::VirtualBeam, AXES),
             (PartialMethod::Information, AXES),
             (PartialMethod::Information, InformationPort::Full),
         ] {
-            let other = sequence(&case, &pings, BeamAiding::Loose(method), port);
-            prop_assert!(gap(&tight, &other) < 1e-7, "{method:?} {port:?}: {}", gap(&tight, &other));
+            let (other, _) = sequence(&case, &pings, BeamAiding::Loose(method), port);
+            prop_assert!(gap(&tight, &other) < rounding, "{method:?} {port:?}: {}", gap(&tight, &other));
         }
     }
 }
