@@ -16,7 +16,7 @@
 //! four beams, since any three are not redundant; the prediction of the inertial navigation decides, by the NIS of the rest. Where
 //! that of the next best choice is within odds of 20 to 1, as after a start or an outage, no beam stands out: all keep their readings,
 //! with the noise of their closure if it fails. Where more than half would go, the prediction is wrong, and none is left.
-//! Beams without redundancy are judged one by one, since they fit some velocity whatever they read.
+//! Neither holds without redundancy, where three beams or fewer fit some velocity whatever they read.
 //!
 //! # Heavy tails
 //! With D_i the beam's own variance, divided by a weight w_i, the estimate of its noise is n̂ = D W⁻¹ S⁻¹ z. With Student's t of
@@ -206,13 +206,12 @@ impl Rows {
         })
     }
 
-    /// The fewest beams without which the others pass, of those of a ping that does not; `None` where as many others are about as
-    /// likely, all of them where it would be more than half.
+    /// The fewest beams without which the others pass, of those of a ping that does not. Of redundant beams `None` where as many
+    /// others are about as likely, and all where it would be more than half.
     fn outliers(&self, robust: &Robust, geometry: &BeamGeometry, time_ns: i64) -> Result<Option<Vec<usize>>, NavError> {
         let beams = self.beams.len();
         let all = (1_usize << beams) - 1;
-        // Without redundancy the prediction alone judges, beam by beam.
-        let is_redundant = self.closure(geometry, time_ns)?.1 > 0;
+        let is_redundant = beams > geometry.rank_of(self.beams.iter().copied().collect());
         let most = if is_redundant { beams / 2 } else { beams - 1 };
         for count in 1..=most {
             let mut rests = Vec::new();

@@ -76,7 +76,7 @@ impl Eskf {
     }
 
     /// Moves an error state to the path that an update of anything else has corrected, where the misalignment that is left moves it
-    /// far.
+    /// far, or the sea curves away below it.
     pub(super) fn follow_corrected_path(&mut self, error: &mut ErrorVector) {
         if self.is_path_moved_far(error) || self.is_sea_curved(error) {
             let path = self.path_at(error);
@@ -101,7 +101,7 @@ impl Eskf {
     /// Returns true if the sea curves away below a correction, or below what is uncertain at its end, by more than may be left out
     /// where a depth is known.
     fn is_sea_curved(&self, correction: &ErrorVector) -> bool {
-        if self.measured.depth_ns <= self.measured.position_ns {
+        if !self.measured.has_depth_alone() {
             return false;
         }
         let gained_m = correction.fixed_rows::<2>(POSITION).norm();
@@ -125,7 +125,7 @@ impl Eskf {
     /// B = −[δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
     fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
         let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
-        if self.measured.depth_ns > self.measured.position_ns {
+        if self.measured.has_depth_alone() {
             block.set_row(2, &self.heave_by_misalignment(correction));
         }
         block
@@ -165,7 +165,7 @@ impl Eskf {
             by_misalignment,
             offset_t_m: end_t - way_t - by_position * linear_t - by_misalignment * rho,
         };
-        if self.measured.depth_ns > self.measured.position_ns {
+        if self.measured.has_depth_alone() {
             self.keep_depth(error, &mut path);
         }
         path

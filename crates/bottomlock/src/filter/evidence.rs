@@ -26,7 +26,7 @@
 //! velocities therefore make the velocity as uncertain as their difference d, P + d dᵀ, which holds whichever is right: readings on
 //! the side of d are not used, one on the side of the filter is and ends the doubt. Beams leave the covariance as it is, since
 //! some of them may be right. Either is used after [`LONGEST_DOUBT_NS`], or once it has lasted as long as those accepted before: the
-//! first ping after a start has no more to say than the two that follow.
+//! first ping after a start counts for less than the two that follow.
 //!
 //! An angle does not jump, since the gyros would show it, nor does a position beside accepted velocities. Where readings of them do,
 //! these are wrong (a compass near iron, fixes by an echo) or those accepted before were. They are used once they have lasted as
@@ -135,29 +135,35 @@ impl Run {
         }
     }
 
+    /// Time of the first, that of a reading now where there is none.
+    fn began_ns(&self, time_ns: i64) -> i64 {
+        if self.is_empty() { time_ns } else { self.since_ns }
+    }
+
+    /// Time from the first to the last of the readings that were accepted before, `None` without any.
+    fn accepted_for_ns(&self) -> Option<i64> {
+        self.accepted_ns
+            .map(|[first_ns, last_ns]| last_ns.saturating_sub(first_ns))
+    }
+
     /// Time for which a jump of readings is doubted: that for which they had been accepted, `None` where as much had passed
     /// without any when it began.
     fn doubt_of_a_jump_ns(&self, time_ns: i64) -> Option<i64> {
-        let began_ns = if self.is_empty() { time_ns } else { self.since_ns };
-        self.accepted_ns.and_then(|[first_ns, last_ns]| {
-            let lasted_ns = last_ns.saturating_sub(first_ns);
-            let is_confirmed = began_ns.saturating_sub(last_ns) < lasted_ns;
-            is_confirmed.then_some(lasted_ns.min(LONGEST_DOUBT_OF_A_JUMP_NS))
-        })
+        let ([_, last_ns], lasted_ns) = self.accepted_ns.zip(self.accepted_for_ns())?;
+        let is_confirmed = self.began_ns(time_ns).saturating_sub(last_ns) < lasted_ns;
+        is_confirmed.then_some(lasted_ns.min(LONGEST_DOUBT_OF_A_JUMP_NS))
     }
 
     /// Time for which a velocity beyond five sigma is doubted: that for which readings had been accepted, half a minute at most.
     fn doubt_of_a_velocity_ns(&self) -> i64 {
-        self.accepted_ns.map_or(LONGEST_DOUBT_NS, |[first_ns, last_ns]| {
-            last_ns.saturating_sub(first_ns).min(LONGEST_DOUBT_NS)
-        })
+        self.accepted_for_ns().unwrap_or(LONGEST_DOUBT_NS).min(LONGEST_DOUBT_NS)
     }
 
     /// Whether the run, with a reading now, has lasted as long as what was accepted before it.
     fn has_outlasted(&self, time_ns: i64) -> bool {
-        let began_ns = if self.is_empty() { time_ns } else { self.since_ns };
-        self.accepted_ns
-            .is_some_and(|[first_ns, last_ns]| time_ns.saturating_sub(began_ns) >= last_ns.saturating_sub(first_ns))
+        let lasted_ns = time_ns.saturating_sub(self.began_ns(time_ns));
+        self.accepted_for_ns()
+            .is_some_and(|accepted_ns| lasted_ns >= accepted_ns)
     }
 
     const fn is_empty(&self) -> bool {
@@ -200,12 +206,7 @@ impl Eskf {
 
     /// Time of the first of a run of rejections, now where there is none.
     pub(super) fn rejected_since_ns(&self, sensor: Sensor) -> i64 {
-        let run = self.run(sensor);
-        if run.is_empty() {
-            self.state.time_ns
-        } else {
-            run.since_ns
-        }
+        self.run(sensor).began_ns(self.state.time_ns)
     }
 
     /// Whether what a run of positions shows moves by more than the velocity's covariance and the noise of two readings allow.

@@ -38,7 +38,7 @@ impl Eskf {
             error.fixed_rows_mut::<3>(VELOCITY).copy_from(&velocity_p);
             half * position_t
         };
-        if self.measured.depth_ns > self.measured.position_ns {
+        if self.measured.has_depth_alone() {
             let since_s = (estimate.time_ns - self.measured.depth_ns) as f64 * 1e-9;
             let [here, there] = [&estimate, truth].map(|state| self.settings.earth.level(&state.position_t_m));
             let (down_t, heave_m) = (here.down_t(), rho.cross(&(rotation * velocity_p)).z * since_s);

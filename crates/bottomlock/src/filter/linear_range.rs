@@ -16,8 +16,8 @@
 //!   position. The error state is moved to the corrected path (`filter/corrected_path.rs`).
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects its own axis of the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
-//! - Velocity of the platform: the heave has grown by ½ g (ρ_x² + ρ_y²) Δt since the last one, which F leaves out of gravity and an
-//!   update would take for a bias of the accelerometers. Its variance grows by the square (`Eskf::widen_heave`).
+//! - Heave: since the last velocity it has an error of ½ g (ρ_x² + ρ_y²) Δt, which F leaves out of gravity and an update by a velocity,
+//!   depth or position would take for a bias of the accelerometers. Its variance grows by the square (`Eskf::widen_heave`).
 
 use nalgebra::Matrix3;
 
@@ -56,6 +56,11 @@ impl Measured {
             velocity_ns: None,
             heave_ns: time_ns,
         }
+    }
+
+    /// Whether the last of depth and position is a depth, which has corrected its own axis alone.
+    pub(super) fn has_depth_alone(&self) -> bool {
+        self.depth_ns > self.position_ns
     }
 }
 
@@ -111,8 +116,8 @@ impl Eskf {
         }
     }
 
-    /// Makes the heave as uncertain as the linear model has left out of it since a velocity was last used, where this is beyond the
-    /// linear range; before a velocity is used.
+    /// Makes the heave as uncertain as what the linear model has left out of it since the last velocity, where this is beyond the
+    /// linear range; called before a velocity, depth or position is used.
     pub(crate) fn widen_heave(&mut self) {
         if self.left_out_heave_variance() <= LINEAR_RANGE_MPS * LINEAR_RANGE_MPS {
             return;
