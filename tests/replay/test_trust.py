@@ -114,7 +114,7 @@ def evidence(**changes: object) -> Evidence:
         "causes": (), "further": (), "seen": SEEN, "closure": "",
         "agreements": (NEAR,), "reckoned": True, "aided": False, "reference": None, "sway": None,
         "partial": 0.0, "methods": ("tc", "sway_current"), "sensors": (),
-        "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0}, "way_m": 500.0, "reach_m": 100.0, "geometry_open": False,
+        "sd_m": {"tc": 1.0, "sway_current": 1.0, METHOD: 1.0}, "way_m": 500.0, "reach_m": 100.0, "projected": False,
     }  # fmt: skip
     return Evidence(**(whole | changes))  # type: ignore[arg-type]
 
@@ -181,6 +181,7 @@ def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
     assert answer_of(evidence(agreements=(beaten,), methods=("tc",), aided=True)).change == "Nothing."
 
 
+OPEN_KEYS = ("dvl.geometry", "dvl.mounting_pitch_deg", "attitude.yaw_offset_deg", "dvl.velocity_unit")
 WORSE = Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 9.0, 3.0)
 VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
 
@@ -192,8 +193,7 @@ VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
         ({"agreements": (VAGUE,), "methods": ("tc",), "sd_m": {"tc": 3.1}}, METHOD),
         ({"way_m": 0.9}, "tc"),
         ({"agreements": (), "reckoned": False, "reference": AGREES, "way_m": 0.9}, "tc"),
-        ({"geometry_open": True}, "tc"),
-        ({"heading_open": True}, "tc"),
+        *(({"assumed": (one,)}, "tc") for one in OPEN_KEYS),
         ({"agreements": (), "reckoned": False, "reference": replace(AGREES, rms_m=2.6)}, "tc"),
         ({"reference": DISAGREES}, "tc"),
         ({"reference": Reference("tc", 2.0, 1.0, 2.1)}, "tc"),
@@ -314,8 +314,10 @@ def test_positions_that_end_early_confirm_nothing(last: int, confirms: bool) -> 
     assert found.confirms == confirms
 
 
-def test_a_reference_confirms_an_open_geometry() -> None:
-    assert answer_of(evidence(geometry_open=True, heading_open=True, reference=AGREES)).verdict == "yes"
+def test_a_reference_confirms_what_is_open() -> None:
+    """And no geometry moves the velocity that beams are projected from."""
+    assert answer_of(evidence(assumed=OPEN_KEYS, reference=AGREES)).verdict == "yes"
+    assert answer_of(evidence(assumed=OPEN_KEYS[:1], projected=True)).verdict == "yes"
 
 
 def test_beams_of_a_guessed_geometry_without_positions_are_in_doubt(tmp_path: Path) -> None:

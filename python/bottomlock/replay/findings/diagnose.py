@@ -99,8 +99,7 @@ def diagnose(
         sd_m={name: row["sd_m"] for name, row in tracks.items()},
         way_m=tracks[stands]["way_m"],
         reach_m=_reach_m(samples, stands),
-        geometry_open=not projected and "dvl.geometry" in case.assumed,
-        heading_open="attitude.yaw_offset_deg" in case.assumed,
+        projected=projected,
         assumed=case.assumed,
     )  # fmt: skip
     answer = answer_of(evidence)

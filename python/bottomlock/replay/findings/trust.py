@@ -36,8 +36,7 @@ class Evidence:
         sd_m: claimed σ of the horizontal position at the end, of each method.
         way_m: distance travelled, by dead reckoning where there is one.
         reach_m: greatest distance of the track from its start.
-        geometry_open: whether the geometry of recorded beams is a guess.
-        heading_open: whether the recorded heading may be magnetic or true.
+        projected: whether the beams are made of a velocity, so that their geometry moves no track.
         assumed: keys of the case that nothing decides.
     """
 
@@ -56,8 +55,7 @@ class Evidence:
     sd_m: Mapping[str, float]
     way_m: float
     reach_m: float
-    geometry_open: bool
-    heading_open: bool = False
+    projected: bool
     assumed: tuple[str, ...] = ()
 
     @property

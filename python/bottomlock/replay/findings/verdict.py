@@ -167,18 +167,27 @@ def _doubts(evidence: Evidence) -> Iterator[tuple[str, str]]:
         )
 
 
+OPEN = {
+    "dvl.geometry": ("The geometry of the beams is", "Set dvl.geometry to that of the instrument"),
+    "dvl.mounting": ("The mounting of the DVL is", "Set it in the geometry file"),
+    "attitude.yaw_offset_deg": (
+        "Whether the recorded heading is magnetic or true is", "Set attitude.yaw_offset_deg (0 for a true yaw)",
+    ),
+    "dvl.velocity_unit": ("The unit of the velocity is", "Set dvl.velocity_unit"),
+}  # fmt: skip
+"""What moves dead reckoning as it moves the filter, by how its keys begin: the question, and what to change."""
+
+
 def _open(evidence: Evidence) -> Iterator[tuple[str, str]]:
     """What nothing decides without a reference."""
-    if evidence.geometry_open:
-        yield (
-            "The geometry of the beams is an open question, and dead reckoning has the same.",
-            "Set dvl.geometry to that of the instrument and take it out of assumed, or give positions as [reference].",
-        )
-    if evidence.heading_open:
-        yield (
-            "Whether the recorded heading is magnetic or true is an open question, and dead reckoning has the same.",
-            "Set attitude.yaw_offset_deg (0 for a true yaw) and take it out of assumed, or give a [reference].",
-        )
+    for key, (question, change) in OPEN.items():
+        # No geometry moves a velocity that beams are projected from.
+        asked = key != "dvl.geometry" or not evidence.projected
+        if asked and any(one.startswith(key) for one in evidence.assumed):
+            yield (
+                f"{question} an open question, and dead reckoning has the same.",
+                f"{change} and take it out of assumed, or give positions as [reference].",
+            )
 
 
 def _confirmed(evidence: Evidence, cause: Finding | None = None) -> bool:
