@@ -159,7 +159,7 @@ def test_the_truth_is_smooth_and_converged(flight: Flight) -> None:
     history = flight.history
     integral = np.cumsum(0.5 / 150.0 * (history.acceleration[1:] + history.acceleration[:-1]), axis=0)
     assert np.abs(history.state[1:, 7:13] - history.state[0, 7:13] - integral).max() < 1e-4
-    fine = swim(ROV, crabbing(), gravity_mps2=GRAVITY_MPS2, steps_per_sample=2)
+    fine = swim(ROV, crabbing(), gravity_mps2=GRAVITY_MPS2, finer=2)
     assert np.abs(fine.state[:, :7] - history.state[:, :7]).max() < 1e-3
 
 

@@ -59,6 +59,19 @@ def test_the_same_mission_gives_the_same_bits(tauv: Vehicle) -> None:
     assert (first.state == second.state).all()
 
 
+@pytest.mark.parametrize("rate_hz", [50.0, 25.0, 5.0])
+def test_a_slow_imu_samples_the_same_flight(tauv: Vehicle, rate_hz: float) -> None:
+    """Five samples of 40 ms were too long a step for the fins: the vehicle trembled, and nobody was told."""
+    mission = figure_eight(duration_s=30.0)
+    own, usual = (
+        swim(tauv, mission, gravity_mps2=GRAVITY_MPS2, imu_rate_hz=rate) for rate in (rate_hz, 150.0)
+    )
+    every = round(150.0 / rate_hz)
+    assert (own.time_ns == usual.time_ns[::every]).all()
+    assert np.abs(own.state[:, 3:13] - usual.state[::every, 3:13]).max() < 1e-3
+    assert np.abs(own.acceleration - usual.acceleration[::every]).max() < 1e-2
+
+
 def test_a_cross_current_makes_ground_sway(tauv: Vehicle) -> None:
     """0.3 m/s across: the vehicle crabs with 0.3 m/s of sway over ground, almost none in the water."""
     mission = straight(duration_s=60.0, current=Current.towards(0.3, np.pi / 2))

@@ -99,7 +99,7 @@ def test_a_depth_below_a_curved_sea_tells_no_place() -> None:
     """
     scenario = load_scenario("survey").with_trajectory(duration_s=BACK_S + 30.0)
     lost = {"beams": [1, 2, 3, 4], "from_s": LOST_S, "to_s": BACK_S}
-    scenario = scenario.replace({"imu": {"grade": "tactical"}, "dvl.outages": [lost]})
+    scenario = scenario.replace({"imu": {"grade": "tactical", "rate_hz": 50.0}, "dvl.outages": [lost]})
     work = batch_of(build_simulation(scenario), slice(-1, None)) | {"seed": SEED, "trajectory_key": 0}
     batch: Any = run_batch(**work, methods=["tc"], runs=CURVED_RUNS, threads=1)
     level_m2 = [(batch[key][:, 0, -1, :2] ** 2).sum(axis=1) for key in ("error", "sd")]

@@ -4,6 +4,7 @@ At every control step `navigate` is called with the truth of the step just integ
 sensors and runs the filters; it returns the estimate of each vehicle. Guidance and control then use that estimate.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -21,7 +22,7 @@ from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, next_segment
-from bottomlock.plant.swim import Integration, sampled, steps_per_tick
+from bottomlock.plant.swim import Integration, sampled, samples_and_steps, steps_per_tick
 from bottomlock.plant.trim import start_state
 from bottomlock.truth import EllipsoidPath, sample_times_ns
 
@@ -103,7 +104,6 @@ class VehicleGroup:
         gravity_mps2: float,
         earth_rate_radps: float = EARTH_RATE_RADPS,
         imu_rate_hz: float = 150.0,
-        samples_per_step: int = 5,
         earth: Literal["ellipsoid", "tangent_plane"] = "tangent_plane",
     ) -> None:
         if runs < 1:
@@ -116,7 +116,15 @@ class VehicleGroup:
             latitude_rad=latitude_rad, gravity_mps2=gravity_mps2, earth_rate_radps=earth_rate_radps
         )
         self._paths = [EllipsoidPath(environment) for _ in range(runs if earth == "ellipsoid" else 0)]
-        self._parts, step_s = samples_per_step, samples_per_step / imu_rate_hz
+        self._parts, steps_per_sample = samples_and_steps(vehicle, gravity_mps2, imu_rate_hz)
+        if steps_per_sample > 1:
+            raise ScenarioError(
+                f"has steps of the motion of {1.0 / imu_rate_hz:g} s, too long for vehicle {vehicle.name}",
+                place="imu",
+                key="rate_hz",
+                expected=f"at least {math.ceil(steps_per_sample * imu_rate_hz)} Hz in the loop",
+            )
+        step_s = self._parts / imu_rate_hz
         per_tick = steps_per_tick(step_s)
         steps = int(-(-mission.duration_s // (per_tick * step_s))) * per_tick
         start = [np.full(runs, value) for value in start_state(vehicle, mission, gravity_mps2)]

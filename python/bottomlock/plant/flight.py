@@ -13,7 +13,6 @@ from bottomlock.plant.maths import FloatArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import cross_track_m
 from bottomlock.plant.swim import StateHistory, swim
-from bottomlock.plant.trim import check_stability
 from bottomlock.plant.vehicle import Vehicle
 from bottomlock.truth import Truth
 
@@ -98,7 +97,6 @@ def fly(
 @lru_cache(maxsize=4)
 def _history(vehicle: AnyVehicle, mission: Mission, gravity_mps2: float, imu_rate_hz: float) -> StateHistory:
     """The state history; a sweep asks for that of the same few missions for every value."""
-    check_stability(vehicle, gravity_mps2)
     return swim(vehicle, mission, gravity_mps2=gravity_mps2, imu_rate_hz=imu_rate_hz)
 
 

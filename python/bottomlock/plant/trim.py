@@ -206,15 +206,15 @@ def eigenvalues(
 
 
 @lru_cache(maxsize=8)
-def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> None:
+def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> float:
     """Check that a vehicle is stable under its autopilot at its slowest, cruise and fastest speed.
 
-    One with thrusters ahead, and with its heading across the path.
+    One with thrusters ahead, and with its heading across the path. Returns the size of the fastest mode, 1/s.
 
     Raises:
         ScenarioError: with the speed and the growth rate of an unstable mode.
     """
-    limits = vehicle.limits
+    limits, fastest = vehicle.limits, 0.0
     headings = (None,) if isinstance(vehicle, Vehicle) else (None, 0.5 * math.pi)
     for speed, heading in product(
         sorted({limits.min_speed, limits.cruise_speed, limits.max_speed}), headings
@@ -227,3 +227,5 @@ def check_stability(vehicle: AnyVehicle, gravity_mps2: float) -> None:
                 f"grows with {fastest_growth:.3f} 1/s",
                 place=f"vehicle {vehicle.name}",
             )
+        fastest = max(fastest, float(np.abs(modes).max()))
+    return fastest
