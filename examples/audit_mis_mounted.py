@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import bottomlock
-from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.logs import BeamLog, tracked
 from bottomlock.audit.run import Audit
 
 PLANTED_DEG, BEAM_SD_MPS, BEAM_BIAS_MPS = 4.0, 0.010, 0.005
@@ -63,7 +63,7 @@ print([finding.kind for finding in alone.findings] or "no finding")
 rng = np.random.default_rng(7)
 yaw, pitch, roll = rpy.T[::-1]
 velocity_t_mps = Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).apply(velocity_p_mps)
-reference = Reference(
+reference = tracked(
     time_ns,
     rpy + rng.normal(0.0, np.deg2rad(0.1), rpy.shape),
     velocity_t_mps + rng.normal(0.0, 0.02, rpy.shape),

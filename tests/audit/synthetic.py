@@ -66,7 +66,7 @@ def make_log(
     if decimals is not None:
         own = np.round(own, decimals)
     time_ns = np.arange(len(v), dtype=np.int64) * 200_000_000
-    return BeamLog("planted", time_ns, y, np.ones(y.shape, dtype=bool), None, own if instrument else None)
+    return BeamLog("planted", time_ns, y, np.ones(y.shape, dtype=bool), own if instrument else None)
 
 
 def channels(log: BeamLog, order: list[int], sign: list[int] | None = None) -> BeamLog:

@@ -27,9 +27,7 @@ def test_curves_are_those_of_the_audit() -> None:
     assert content["utc"] is False
     panels = content["views"][""]["panels"]
     (closure,) = panels[0]["curves"]
-    np.testing.assert_allclose(
-        unpacked(content, closure["v"]), 1e3 * audit.assessment.closures[0].values_mps, atol=0.01
-    )
+    np.testing.assert_allclose(unpacked(content, closure["v"]), 1e3 * audit.closures[0].values_mps, atol=0.01)
     reading = panels[1]["curves"][1]
     np.testing.assert_allclose(unpacked(content, reading["v"]), log.velocity_mps[:, 1], atol=1e-4)
     assert np.isnan(unpacked(content, panels[1]["curves"][2]["v"])[100:200]).all()

@@ -42,18 +42,14 @@ def test_unchanged_pings() -> None:
     assert np.flatnonzero(log(list(range(7)), y.astype(float)).unchanged).tolist() == [2]
 
 
-def test_ranges_and_verdict() -> None:
+def test_flags_of_the_instrument() -> None:
     base = log(list(range(6)))
-    reach = np.full((6, 4), 5.0)
-    reach[2, 1] = 0.0
     valid = base.valid.copy()
     valid[4, :2] = False
     told = BeamLog(
-        "hand", base.time_ns, base.velocity_mps, valid, reach, np.ones((6, 3)),
+        "hand", base.time_ns, base.velocity_mps, valid, np.ones((6, 3)),
         np.array([True, False, True, True, True, True]),
     )  # fmt: skip
-    (no_range,) = defects.ranges(told)
-    assert (no_range.beams, no_range.size) == ((2,), 1.0)
     kinds = {one.kind: one for one in defects.instrument_flags(told)}
     assert set(kinds) == {"rejected_by_instrument", "velocity_without_beams"}
     assert "row 1" in kinds["rejected_by_instrument"].evidence
@@ -123,7 +119,7 @@ def test_beams_and_geometry_that_differ_in_number(tmp_path: Path) -> None:
 def unlocked(y: Array, valid: bool, own_valid: bool | None) -> BeamLog:
     flags = None if own_valid is None else np.full(len(y), own_valid)
     own = None if own_valid is None else np.zeros((len(y), 3))
-    return BeamLog("air", np.arange(len(y)) * 10**8, y, np.full(y.shape, valid), None, own, flags)
+    return BeamLog("air", np.arange(len(y)) * 10**8, y, np.full(y.shape, valid), own, flags)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bottomlock.audit.beam_order import match
 from bottomlock.audit.closure import closure_of, closure_slope, null_space
-from bottomlock.audit.matrix import READINGS_TO_VELOCITY, find_matrix
+from bottomlock.audit.matrix import READINGS_TO_VELOCITY, find_matrix, match
 from bottomlock.audit.robust import LEAST_BLOCKS, fit_linear, sigmas_for
 from bottomlock.recordings.closure import orders_by_closure
 from bottomlock.recordings.robust import BLOCKS, blocks_of, correlation_rows

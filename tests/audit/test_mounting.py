@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.logs import BeamLog, tracked
 from bottomlock.audit.mounting import PARTS, Mounting
 from bottomlock.audit.run import Audit
 from tests.oracle import mounting as oracle
@@ -20,7 +20,7 @@ def alone(time_s: Array, velocity_mps: Array) -> BeamLog:
     """A log of the instrument's velocity."""
     none = np.zeros((len(time_s), 0))
     time_ns = np.round(time_s * 1e9).astype(np.int64)
-    return BeamLog("alone", time_ns, none, none.astype(bool), None, velocity_mps)
+    return BeamLog("alone", time_ns, none, none.astype(bool), velocity_mps)
 
 
 def mounting_of(audit: Audit) -> Mounting:
@@ -55,7 +55,7 @@ def plant(seed: int, *, lively: float = 1.0, flip: bool = False) -> Audit:
     rng = np.random.default_rng(seed)
     own, clean = readings(lively)
     reads = (clean + SD_MPS * rng.normal(size=clean.shape)) * ([1, -1, 1] if flip else [1, 1, 1])
-    reference = Reference(np.round(t * 1e9).astype(np.int64), rpy, velocity)
+    reference = tracked(np.round(t * 1e9).astype(np.int64), rpy, velocity)
     return Audit(alone(own, reads), reference=reference)
 
 
@@ -129,7 +129,7 @@ def steady(
     reads = (1.0 + scale) * moved @ oracle.turn(0.0, 0.0, np.deg2rad(yaw_deg))
     reads += 0.02 * rng.normal(size=reads.shape)
     noisy = rpy + 5e-4 * rng.normal(size=rpy.shape)
-    reference = Reference(np.round(t * 1e9).astype(np.int64), noisy, velocity)
+    reference = tracked(np.round(t * 1e9).astype(np.int64), noisy, velocity)
     return Audit(alone(own, reads), reference=reference)
 
 

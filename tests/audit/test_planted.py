@@ -127,8 +127,8 @@ def test_mistilted_beam_that_the_instrument_does_not_know(instrument: bool) -> N
     log = make_log(5, physical=rows(2, 25.0), used=janus(), instrument=instrument, pings=4000)
     audit = Audit(log, stated=STATED)
     assert [(one.kind, one.beams, one.severity) for one in audit.findings] == [(*DEPENDS, "fault")]
-    if audit.assessment.matrix is not None:
-        np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.05)
+    if audit.matrix is not None:
+        np.testing.assert_allclose(np.rad2deg(audit.matrix.tilt_rad), 22.0, atol=0.05)
 
 
 @pytest.mark.parametrize("stated", [STATED, None])
@@ -177,8 +177,8 @@ def test_a_noisy_beam_is_named_and_is_no_fault() -> None:
     audit = Audit(make_log(15, unequal=True, sd_mps=0.03), stated=STATED)
     assert [(one.kind, one.severity) for one in audit.findings] == [("noisy_beam", "warning")]
     assert audit.findings[0].size == pytest.approx(5.0, rel=0.2)
-    assert audit.assessment.matrix is not None
-    np.testing.assert_allclose(np.rad2deg(audit.assessment.matrix.tilt_rad), 22.0, atol=0.02)
+    assert audit.matrix is not None
+    np.testing.assert_allclose(np.rad2deg(audit.matrix.tilt_rad), 22.0, atol=0.02)
     y, own = audit.log.velocity_mps, audit.log.instrument_mps
     assert own is not None
     plain = np.linalg.lstsq(np.hstack([own, np.ones((len(own), 1))]), y, rcond=None)[0][:3].T
@@ -208,7 +208,7 @@ def test_no_geometry_and_one_noisy_beam_is_no_fault(seed: int) -> None:
     (note,) = audit.findings
     assert note.severity == "note"
     assert note.kind in {"packaged_geometries", "beams_alone"}
-    for closure in audit.assessment.closures:
+    for closure in audit.closures:
         np.testing.assert_allclose(closure.weights, [1, -1, 1, -1], atol=1e-6)
 
 

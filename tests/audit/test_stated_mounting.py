@@ -20,7 +20,7 @@ def turned() -> World:
     log, reference = world.log, world.reference
     assert reference is not None
     assert log.instrument_mps is not None
-    attitude = Rotation.from_euler("ZYX", reference.rpy_rad[:, ::-1])
+    attitude = Rotation.from_matrix(reference.rotation)
     rate = (attitude[:-2].inv() * attitude[2:]).as_rotvec() / 0.2
     at = np.stack([np.interp(log.time_ns, reference.time_ns[1:-1], c) for c in rate.T], axis=1)
     mounted = Rotation.from_euler("ZYX", RPY[::-1])
@@ -30,7 +30,7 @@ def turned() -> World:
     closing = log.velocity_mps - log.velocity_mps @ np.linalg.pinv(rows).T @ rows.T
     y = np.where(log.valid, own @ rows.T + closing, 0.0)
     return World(
-        "turned", type(log)("turned", log.time_ns, y, log.valid, None, own, log.solved), None, RPY, reference
+        "turned", type(log)("turned", log.time_ns, y, log.valid, own, log.solved), None, RPY, reference
     )
 
 

@@ -12,7 +12,7 @@ from bottomlock import BeamGeometry
 from bottomlock.audit.defects import copies
 from bottomlock.audit.findings import KINDS, finding
 from bottomlock.audit.geometry_file import geometry_text
-from bottomlock.audit.logs import Reference, read_log, read_reference
+from bottomlock.audit.logs import read_log, read_reference, tracked
 from bottomlock.audit.page import closure_figure, page_of
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.errors import DataError
@@ -27,13 +27,13 @@ NS = np.round(T * 1e9).astype(np.int64)
 
 
 def test_two_transducers_that_look_the_same_way() -> None:
-    """Their numbers differ by noise: the matrix tells."""
+    """Their numbers differ by noise: the matrix tells which channel is another's beam."""
     rows = janus()
     rows[3] = rows[0]
-    found = [one for one in Audit(make_log(41, physical=rows)).findings if one.kind == "identical_beams"]
-    (one,) = found
-    assert (one.beams, one.unit) == ((1, 4), "deg")
-    assert one.size < 5.0 * one.sd < 1.0
+    stated = BeamGeometry.janus(np.deg2rad(22.0))
+    found = Audit(make_log(41, physical=rows), stated=stated).findings
+    assert [(one.kind, one.beams) for one in found] == [("swapped_beams", (4,))]
+    assert "channel 4 is beam 1" in found[0].text
 
 
 @pytest.mark.parametrize(("sign", "told"), [(1, "same numbers in"), (-1, "sign changed")])
@@ -51,7 +51,7 @@ def test_one_channel_twice(sign: int, told: str) -> None:
 def test_a_reference_of_another_time_is_told() -> None:
     """An instrument that counts from its start beside the time of day: it is compared with nothing."""
     log, later = make_log(44), NS + 1_764_000_000_000_000_000
-    reference = Reference(later, np.zeros((len(T), 3)), np.zeros((len(T), 3)))
+    reference = tracked(later, np.zeros((len(T), 3)), np.zeros((len(T), 3)))
     (one,) = (one for one in Audit(log, reference=reference).findings if one.kind == "another_time")
     assert (one.severity, one.unit) == ("fault", "s")
     assert one.size == pytest.approx(1e-9 * (later[0] - log.time_ns[0]))
@@ -72,7 +72,7 @@ def test_a_velocity_of_another_vehicle() -> None:
     rng = np.random.default_rng(2)
     other = np.stack([0.5 + 0.3 * np.sin(T / 7.0), 0.2 * np.cos(T / 5.0), 0.0 * T], axis=1)
     rpy = np.stack([0.0 * T, 0.0 * T, 0.5 * np.sin(T / 20.0)], axis=1)
-    reference = Reference(NS, rpy, 0.3 * rng.normal(size=other.shape).cumsum(axis=0) / 20.0)
+    reference = tracked(NS, rpy, 0.3 * rng.normal(size=other.shape).cumsum(axis=0) / 20.0)
     (one,) = Audit(alone(T, other), reference=reference).findings
     assert (one.kind, one.severity) == ("mounting_not_observable", "note")
 
@@ -100,7 +100,7 @@ def test_millimetres_a_second_are_no_velocity() -> None:
     one = found["too_fast"]
     assert (one.severity, one.unit, one.expected) == ("fault", "m/s", "at most 20 m/s")
     assert one.size == pytest.approx(1e3 * np.median(np.abs(log.velocity_mps)))
-    assert "1e+" not in finding("stale_pings", 499.0, 0.998, {"chance": 0, "row": 1, "longest": 499}).text
+    assert "1e+" not in finding("stale_pings", 499.0, 0.998, chance=0, row=1, longest=499).text
 
 
 def test_records_that_were_changed() -> None:
@@ -115,7 +115,7 @@ def test_every_finding_has_its_parts() -> None:
     for template, kind in KINDS.items():
         assert all((kind.text, kind.evidence, kind.hint)), template
     with pytest.raises(KeyError):
-        finding("no_range", 1.0, 0.5)
+        finding("too_fast", 1.0, 0.5)
     one = finding("beam_bias", 20.0, 0.02, beams=[2], sd=1.0)
     assert (one.kind, one.place, one.size, one.sd, one.unit) == ("beam_bias", "beam 3", 20.0, 1.0, "mm/s")
     assert (one.severity, one.expected) == ("warning", "0 mm/s")
@@ -177,7 +177,7 @@ def test_a_common_scale_is_written_as_a_speed_of_sound() -> None:
         found = [float(one.split()[2]) for one in lines if one.startswith("sound_speed_scale")]
         assert found == ([] if expected is None else [pytest.approx(expected, abs=1e-3)])
         assert [one.split("# beam ")[1][0] for one in lines if "# beam " in one] == list("1234")
-        matrix = audit.assessment.matrix
+        matrix = audit.matrix
         assert matrix is not None
         sds = [one.sd for one in audit.findings if one.kind == "scale"]
         assert all(sd in 100.0 * matrix.scale_sd for sd in sds)

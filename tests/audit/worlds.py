@@ -10,9 +10,10 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from bottomlock import BeamGeometry
-from bottomlock.audit.logs import BeamLog, Reference
+from bottomlock.audit.logs import BeamLog, tracked
 from bottomlock.audit.run import Audit
 from bottomlock.io.beams import read_geometry
+from bottomlock.recordings.rig_motion import Tracked
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ class World:
     log: BeamLog
     geometry: BeamGeometry | None
     mounting_rpy_rad: Array
-    reference: Reference | None = None
+    reference: Tracked | None = None
 
     def with_log(self, log: BeamLog) -> World:
         """The same with another log."""
@@ -128,14 +129,14 @@ def simulated(
     y = np.where(valid, y, 0.0)
     time_ns = np.round(t * 1e9).astype(np.int64)
     own, solved = _own(y, valid, rows, noise.resolution_mps) if instrument else (None, None)
-    log = BeamLog("simulated", time_ns, y, valid, None, own, solved)
+    log = BeamLog("simulated", time_ns, y, valid, own, solved)
     if not beside:
         return World("simulated", log, stated, np.zeros(3))
     velocity_t = attitude[:few].apply(body[:few]) + 0.002 * rng.normal(size=(few, 3))
     fine_ns = np.round(fine * 1e9).astype(np.int64)
     return World(
         "simulated", log, stated, np.zeros(3),
-        Reference(fine_ns, angles[:few] + 1e-4 * rng.normal(size=(few, 3)), velocity_t),
+        tracked(fine_ns, angles[:few] + 1e-4 * rng.normal(size=(few, 3)), velocity_t),
     )  # fmt: skip
 
 

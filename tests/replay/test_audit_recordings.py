@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bottomlock.audit.logs import Reference
+from bottomlock.audit.logs import tracked
 from bottomlock.audit.mounting import PARTS, Mounting, find_mounting
 from bottomlock.audit.run import Audit, audit_file
 from bottomlock.io import linkquest, pd0, waterlinked_json
@@ -35,7 +35,7 @@ def caves(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Audit:
 
 def test_caves_geometry(caves: Audit) -> None:
     """A +-Janus of 22°, within 0.05° (measured: 0.003°), from readings with tails of metres a second."""
-    matrix = caves.assessment.matrix
+    matrix = caves.matrix
     assert matrix is not None
     # Vehicle frame after the reader's turn of z: beam 1 looks aft, beam 2 to starboard.
     expected = np.deg2rad([180.0, 90.0, 0.0, -90.0])
@@ -51,11 +51,11 @@ def test_caves_findings(caves: Audit) -> None:
     kinds = {one.kind: one for one in caves.findings}
     assert set(kinds) == {"heavy_tails", "packaged_geometries", "rejected_by_instrument", "time_gaps"}
     assert kinds["packaged_geometries"].text == "This is linkquest_navquest."
-    (closure,) = caves.assessment.closures
+    (closure,) = caves.closures
     assert closure.median_abs_mps == pytest.approx(0.030, abs=0.002)
     assert closure.max_mps > 1.5
-    assert caves.assessment.slope is not None
-    assert caves.assessment.slope.p_value > 1e-3
+    assert caves.beams.slope is not None
+    assert caves.beams.slope.p_value > 1e-3
 
 
 @pytest.mark.parametrize("name", ["out20210528_circle", "out20210528_straight+turn360"])
@@ -65,7 +65,7 @@ def test_a50_geometry(recordings: Path, tmp_path: Path, name: str) -> None:
     path = tmp_path / "beams.parquet"
     write_recording(waterlinked_json.FORMAT.read(source.read_bytes(), str(source)), path, source=source)
     audit = audit_file(path)
-    matrix = audit.assessment.matrix
+    matrix = audit.matrix
     assert matrix is not None
     tilt, azimuth = np.deg2rad(22.5), np.deg2rad([135.0, -135.0, -45.0, 45.0])
     stated = np.stack(
@@ -94,7 +94,7 @@ def test_pd0_numbering(recordings: Path, tmp_path: Path) -> None:
     audit = audit_file(path, geometry="x_janus_20")
     (order,) = (one for one in audit.findings if one.kind == "swapped_beams")
     assert order.size > 5.0
-    np.testing.assert_allclose(audit.assessment.closures[0].weights, [1, 1, -1, -1], atol=1e-6)
+    np.testing.assert_allclose(audit.closures[0].weights, [1, 1, -1, -1], atol=1e-6)
 
 
 def akit(recordings: Path, section: str) -> Mounting:
@@ -105,7 +105,7 @@ def akit(recordings: Path, section: str) -> Mounting:
     second = np.int64(1_000_000_000)
     found = find_mounting(
         np.arange(len(dvl)) * second, dvl[:, 1:4],
-        Reference(np.arange(len(truth)) * second, truth[:, 7:10], truth[:, 4:7]),
+        tracked(np.arange(len(truth)) * second, truth[:, 7:10], truth[:, 4:7]),
     )  # fmt: skip
     assert found is not None
     return found

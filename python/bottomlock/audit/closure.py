@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom, f, norm
 
 from bottomlock.audit.findings import MATERIAL_MPS, MATERIAL_SCALE, SIGNIFICANCE
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear, resolution, significant
+from bottomlock.audit.logs import Array
+from bottomlock.audit.robust import LEAST_BLOCKS, fit_linear, resolution, significant
 from bottomlock.recordings.closure import closure_rows
 from bottomlock.recordings.robust import blocks_of, correlation_rows, sd_about_median, white_sd
 
@@ -105,36 +106,29 @@ def closure_of(weights: Array, readings_mps: Array, added_sd_mps: float = 0.0) -
     # Medians of consecutive blocks: noise that is correlated over several pings widens their spread as it should.
     medians = [np.median(values[member == block]) for block in range(count)]
     middle_sd = 1.2533 * float(np.std(medians, ddof=1)) / np.sqrt(count) if count >= LEAST_BLOCKS else np.inf
+    half, p95, p99, largest = np.quantile(size, [0.5, 0.95, 0.99, 1.0]).tolist()
     return Closure(
-        weights=weights,
-        values_mps=values,
-        pings=len(values),
-        median_mps=middle,
-        median_sd_mps=float(np.hypot(middle_sd, added_sd_mps)),
-        median_abs_mps=float(np.median(size)),
-        sigma_mps=spread,
-        white_sigma_mps=float(white_sd(values[:, None], 1)[0]),
-        p95_mps=float(np.quantile(size, 0.95)),
-        p99_mps=float(np.quantile(size, 0.99)),
-        max_mps=float(size.max()),
-        beyond_3_sigma=float(np.mean(np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse)),
-        blocks=count,
-        independent=len(values) / _lasting_size(values - middle),
-    )
+        weights=weights, values_mps=values, pings=len(values), median_mps=middle,
+        median_sd_mps=float(np.hypot(middle_sd, added_sd_mps)), median_abs_mps=half, sigma_mps=spread,
+        white_sigma_mps=float(white_sd(values[:, None], 1)[0]), p95_mps=p95, p99_mps=p99, max_mps=largest,
+        beyond_3_sigma=float(np.mean(np.abs(values - middle) > 3.0 * max(spread, 1e-12) + coarse)), blocks=count,
+        # The size of Gaussian noise has the squares of its correlations.
+        independent=len(values) / (1.0 + 2.0 * float(np.sum(_correlations(values) ** 2))),
+    )  # fmt: skip
 
 
-def _lasting_size(noise: Array) -> float:
-    """Correlation time of the size of Gaussian noise (n,), in pings: its correlations are the squares of the noise's.
+def _correlations(noise: Array) -> Array:
+    """Correlations of Gaussian noise (n,) over 1, 2, ... rows, up to the first within two deviations of white noise's.
 
-    The correlation is that of the signs, which outliers do not sway; sin(π r / 2) for Gaussian noise.
+    They are those of the signs, which outliers do not sway.
     """
-    signs, total = np.sign(noise), 1.0
+    signs, found = np.sign(noise - np.median(noise)), list[float]()
     for lag in range(1, len(noise) // 4):
         r = float(np.sin(0.5 * np.pi * np.mean(signs[lag:] * signs[:-lag])))
         if r < 2.0 / np.sqrt(len(noise)):
             break
-        total += 2.0 * r**2
-    return total
+        found.append(r)
+    return np.array(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,17 +163,6 @@ class Slope:
         return bool(large and self.p_value <= SIGNIFICANCE)
 
 
-def _lag_of(noise: Array) -> int:
-    """Least lag, in rows, from which on the noise (n,) is uncorrelated: below two deviations of white noise."""
-    spread = max(float(sd_about_median(noise)), 1e-12)
-    clipped = np.clip((noise - np.median(noise)) / spread, -3.0, 3.0)
-    power = float(clipped @ clipped)
-    for lag in range(1, min(100, len(noise) // 8)):
-        if clipped[lag:] @ clipped[:-lag] < 2.0 / np.sqrt(len(noise)) * power:
-            return lag
-    return min(100, max(1, len(noise) // 8))
-
-
 def closure_slope(
     values_mps: Array, velocity_mps: Array, row: NDArray[np.int64], rows_cov: Array | float = 0.0
 ) -> Slope | None:
@@ -197,7 +180,8 @@ def closure_slope(
         rows_cov: (3, 3) covariance that uncertain beam rows give the slope.
     """
     one = np.ones((len(row), 1))
-    lag = _lag_of(fit_linear(np.hstack([velocity_mps, one]), values_mps).residuals)
+    noise = fit_linear(np.hstack([velocity_mps, one]), values_mps).residuals
+    lag = min(100, max(1, len(noise) // 8), 1 + len(_correlations(noise)))
     place = np.full(int(row[-1]) + 1 + lag, -1)
     place[row] = np.arange(len(row))
     before, after = np.where(row >= lag, place[row - lag], -1), place[row + lag]

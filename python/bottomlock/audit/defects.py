@@ -1,4 +1,4 @@
-"""Checks of a log alone: lock, times, stale and stuck readings, zeros, copied channels, flags; and unequal noise."""
+"""Checks of a log alone: lock, times, stale and stuck readings, zeros, copied channels, flags."""
 
 import itertools
 from collections.abc import Iterator
@@ -7,25 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import poisson
 
-from bottomlock.audit.closure import null_space
 from bottomlock.audit.findings import SIGNIFICANCE, Told, finding
-from bottomlock.audit.logs import BeamLog
-from bottomlock.audit.robust import Array, resolution
+from bottomlock.audit.logs import Array, BeamLog
+from bottomlock.audit.robust import resolution
 from bottomlock.recordings.drives import FASTEST_MPS
 from bottomlock.recordings.finding import Finding, Severity
-from bottomlock.recordings.robust import sd_about_median
 
 Flags = NDArray[np.bool_]
 
 SHORTEST_RUN = 10
 """Equal readings in a row that are looked at, whatever the resolution."""
-LEAST_PINGS = 100
-NOISIER = 2.5
-"""Noise of a beam over the median of the others' from which it is a finding."""
-EXPLAINED = (0.6, 1.6)
-"""Closure over what the noises of the beams predict, between which these are noise and not motion."""
-_THIRD = np.sqrt(20.0)
-"""1 sigma of a third difference of white noise of 1."""
 GAP = 2.5
 """A step longer than this many median steps is a gap."""
 _NEAREST = 60
@@ -55,7 +46,7 @@ def never_locked(log: BeamLog) -> Iterator[Finding]:
     why = why_never_locked(log)
     if why:
         flagged = int(log.full.sum()) if log.beams else 0
-        yield finding("never_locked", log.pings, told={"why": why, "flagged": flagged})
+        yield finding("never_locked", log.pings, why=why, flagged=flagged)
 
 
 def reader(log: BeamLog) -> Iterator[Finding]:
@@ -66,24 +57,23 @@ def reader(log: BeamLog) -> Iterator[Finding]:
         for name, reason in (reasons if isinstance(reasons, dict) else {}).items():
             count = int(reason["count"])
             first = ", ".join(f"{key} {value}" for key, value in reason.items() if key != "count")
-            told = {"read": read, "what": what, "name": name, "first": first}
-            yield finding(f"reader_{fate}", count, min(count / read, 1.0), told)
+            told: Told = {"read": read, "what": what, "name": name, "first": first}
+            yield finding(f"reader_{fate}", count, min(count / read, 1.0), **told)
 
 
 def times(log: BeamLog) -> Iterator[Finding]:
     """Times that repeat or go back (faults: the readers reject them), and gaps."""
     if log.pings < 3:
         return
-    steps = np.diff(log.time_ns) * 1e-9
+    steps, told = np.diff(log.time_ns) * 1e-9, Told()
     for kind, where, what in (
         ("time_repeats", steps == 0.0, "repeat the time of the ping before"),
         ("time_goes_back", steps < 0.0, "go back in time"),
     ):
         if where.any():
             row = _first(where) + 1
-            told = {"pings": log.pings, "what": what, "row": row}
-            told |= {"before": log.time_ns[row - 1], "after": log.time_ns[row]}
-            yield finding(kind, where.sum(), where.mean(), told)
+            told = {"log": log, "what": what, "before": log.time_ns[row - 1], "after": log.time_ns[row]}
+            yield finding(kind, where.sum(), where.mean(), row=row, **told)
     rising = steps[steps > 0.0]
     usual = float(np.median(rising)) if rising.size else np.inf
     gaps = steps[steps > GAP * usual]
@@ -91,7 +81,7 @@ def times(log: BeamLog) -> Iterator[Finding]:
         missing, span = float(np.sum(gaps) - usual * gaps.size), float(max(log.time_s.max(), 1e-9))
         part, row = min(missing / span, 1.0), int(np.argmax(steps)) + 1
         told = {"missing": missing, "span": span, "usual": usual, "longest": gaps.max(), "row": row}
-        yield finding("time_gaps", gaps.size, part, told, severity="warning" if part > 0.01 else "note")
+        yield finding("time_gaps", gaps.size, part, severity="warning" if part > 0.01 else "note", **told)
 
 
 def _first(flags: Flags) -> int:
@@ -121,8 +111,8 @@ def stale(log: BeamLog) -> Iterator[Finding]:
     chance, part = pairs * float(np.prod(np.sort(alone)[: max(2, log.beams - 1)])), count / max(pairs, 1)
     if poisson.sf(count - 1, chance + 1e-9) <= SIGNIFICANCE:
         first, lengths = runs_of(same)
-        told = {"chance": chance, "row": first[0], "longest": lengths.max()}
-        yield finding("stale_pings", count, part, told, severity="fault" if part > 0.01 else "warning")
+        told: Told = {"chance": chance, "row": first[0], "longest": lengths.max()}
+        yield finding("stale_pings", count, part, severity="fault" if part > 0.01 else "warning", **told)
 
 
 def stuck(log: BeamLog) -> Iterator[Finding]:
@@ -145,8 +135,8 @@ def stuck(log: BeamLog) -> Iterator[Finding]:
         equal_part = max(float(np.median(chance[:k] + chance[k + 1 :])), 1e-3)
         longest = max(np.log(SIGNIFICANCE / max(log.pings, 1)) / np.log(min(equal_part, 0.999)), SHORTEST_RUN)
         if length > longest:
-            told = {"value": y[row, k], "row": row, "time_s": log.time_s[row], "longest": longest}
-            yield finding("stuck_beam", length, length / max(int(valid[:, k].sum()), 1), told, beams=[k])
+            told: Told = {"value": y[row, k], "row": row, "time_s": log.time_s[row], "longest": longest}
+            yield finding("stuck_beam", length, length / max(int(valid[:, k].sum()), 1), beams=[k], **told)
 
 
 def zeros(log: BeamLog) -> Iterator[Finding]:
@@ -163,8 +153,8 @@ def zeros(log: BeamLog) -> Iterator[Finding]:
         usual = within * quantum / max(2.0 * reach, quantum) if quantum else 0.0
         if poisson.sf(count - 1, 1.5 * usual + 1e-3) <= SIGNIFICANCE and _apart(y) >= max(2, 0.3 * count):
             row = _first(log.valid[:, k] & (log.velocity_mps[:, k] == 0.0))
-            told = {"usual": usual, "quantum": quantum, "row": row}
-            yield finding("zero_as_valid", count, count / y.size, told, beams=[k])
+            told: Told = {"usual": usual, "quantum": quantum, "row": row}
+            yield finding("zero_as_valid", count, count / y.size, beams=[k], **told)
 
 
 def fast(log: BeamLog) -> Iterator[Finding]:
@@ -172,7 +162,7 @@ def fast(log: BeamLog) -> Iterator[Finding]:
     readings = np.abs(log.velocity_mps[log.valid & np.isfinite(log.velocity_mps)])
     size = float(np.median(readings)) if readings.size else 0.0
     if size > FASTEST_MPS:
-        yield finding("too_fast", size, told={"readings": readings.size, "most": FASTEST_MPS})
+        yield finding("too_fast", size, readings=readings.size, most=FASTEST_MPS)
 
 
 def _apart(y: Array) -> int:
@@ -188,16 +178,6 @@ def _apart(y: Array) -> int:
     return int(np.sum(np.minimum(before, after) > 5.0 * resolution(y)))
 
 
-def ranges(log: BeamLog) -> Iterator[Finding]:
-    """Beams flagged valid whose range is zero or negative."""
-    if log.range_m is None:
-        return
-    for k, (valid, reach) in enumerate(zip(log.valid.T, log.range_m.T, strict=True)):
-        bad = valid & (reach <= 0.0)
-        if bad.any():
-            yield finding("no_range", bad.sum(), bad.sum() / valid.sum(), {"row": _first(bad)}, beams=[k])
-
-
 def copies(log: BeamLog) -> Iterator[Finding]:
     """Channels that hold the numbers of another one, or these with the sign changed."""
     for i, j in itertools.combinations(range(log.beams), 2):
@@ -206,8 +186,7 @@ def copies(log: BeamLog) -> Iterator[Finding]:
         for sign, reverse in ((1.0, ""), (-1.0, " with the sign changed")) if a.size >= 20 else ():
             part = float(np.mean(a == sign * b))
             if part > 0.5:
-                told = {"reverse": reverse, "pings": a.size}
-                yield finding("identical_beams", part, part, told, beams=(i, j))
+                yield finding("identical_beams", part, part, beams=(i, j), reverse=reverse, pings=a.size)
 
 
 def instrument_flags(log: BeamLog) -> Iterator[Finding]:
@@ -223,38 +202,8 @@ def instrument_flags(log: BeamLog) -> Iterator[Finding]:
     if rejected.any():
         part = float(rejected.sum() / max((count == log.beams).sum(), 1))
         severity: Severity = "note" if part < 0.2 else "warning"
-        told = {"of": log.beams, "row": _first(rejected)}
-        yield finding("rejected_by_instrument", rejected.sum(), part, told, severity=severity)
+        told: Told = {"of": log.beams, "row": _first(rejected)}
+        yield finding("rejected_by_instrument", rejected.sum(), part, severity=severity, **told)
     given = (count < min(3, log.beams)) & log.instrument_valid & ~log.unchanged
     if given.any():
-        yield finding("velocity_without_beams", given.sum(), given.mean(), {"row": _first(given)})
-
-
-def noisy(log: BeamLog, full: Flags, rows: Array | None) -> Iterator[Finding]:
-    """Beams that are noisier than the others by their third differences, where the closure confirms these as noise.
-
-    Args:
-        log: the pings.
-        full: (n,) pings with every beam.
-        rows: (beams, 3) directions, for the closure; None leaves it out, and nothing is found.
-    """
-    if rows is None or log.beams < 4:
-        return
-    steps = np.diff(log.time_ns)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    even = full[3:] & full[2:-1] & full[1:-2] & full[:-3]
-    for shift in range(3):
-        even &= np.abs(steps[shift : len(steps) - 2 + shift] - usual) < 0.5 * usual
-    third = np.diff(log.velocity_mps, 3, axis=0)[even]
-    if len(third) < LEAST_PINGS:
-        return
-    noise, weights = 1e3 * sd_about_median(third, axis=0) / _THIRD, null_space(rows)[:, 0]
-    closure = 1e3 * float(sd_about_median(log.velocity_mps[full] @ weights))
-    predicted = float(np.sqrt(np.sum((weights * noise) ** 2)))
-    if not predicted or not EXPLAINED[0] < closure / predicted < EXPLAINED[1]:
-        return
-    told: Told = {"pings": len(third), "predicted": predicted, "closure": closure}
-    for k, own in enumerate(noise):
-        others = float(np.median(np.delete(noise, k)))
-        if others > 0.0 and own >= NOISIER * others:
-            yield finding("noisy_beam", own / others, told=told | {"own": own, "others": others}, beams=[k])
+        yield finding("velocity_without_beams", given.sum(), given.mean(), row=_first(given))

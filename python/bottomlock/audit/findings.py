@@ -1,14 +1,13 @@
 """What an audit may find: its limits, one template a kind, and the findings as a table."""
 
 import math
+import string
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import polars as pl
 
-from bottomlock.files.columns import FINDINGS
 from bottomlock.recordings.finding import Finding, Severity, beam_words
 
 SIGNIFICANCE = 1e-5
@@ -20,10 +19,14 @@ MATERIAL_RAD, MATERIAL_SCALE, MATERIAL_MPS = np.deg2rad(0.5), 0.005, 0.002
 LOCK_ADVICE = "Record in the water, with the bottom within the instrument's range."
 FROM_FILE = "Use the geometry file that this audit writes, or correct the column map."
 CLOSES = (
-    "Robust closure of a unit combination {plain:.1f} mm/s as stated ({scatter:.1f} about its median), {best:.1f} mm/s "
-    "after the change."
+    "Robust closure of a unit combination {order.plain_mps:mm .1f} mm/s as stated ({order.scatter_mps:mm .1f} about "
+    "its median), {order.best_mps:mm .1f} mm/s after the change."
 )
-ANGLES = "Tilts {tilts} deg, azimuths {azimuths} deg from {pings} pings."
+BY_REFERENCE = (
+    "From velocity and attitude beside the log, {of.instants} instants; residual {of.residual_mps:mm .0f} mm/s; "
+    "{of.explained:% .0f} % of the motion explained; rates {of.rate_rms_radps:deg .2g} deg/s RMS."
+)
+ANGLES = "Tilts {of.tilt_rad:deg .2f} deg, azimuths {of.azimuth_rad:deg .1f} deg from {of.pings} pings."
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Kind:
 
 
 _TIME = Kind(
-    "fault", "pings", "{size:.0f} of {pings} pings {what}.", "First in row {row}: {after} ns after {before} ns.",
+    "fault", "pings", "{size:.0f} of {log.pings} pings {what}.", "First in row {row}: {after} ns after {before} ns.",
     "Use the instrument's time of validity instead of the host's, or drop these rows before `bottomlock fix`.",
     "rising times",
 )  # fmt: skip
@@ -54,13 +57,13 @@ _READER = Kind(
     "See the account (JSON) beside the table.",
 )  # fmt: skip
 _ORDER = Kind(
-    "fault", "times", "The beams do not close as stated, and close {size:.1f} times better with {orders}.", CLOSES,
+    "fault", "times", "The beams do not close as stated, and close {size:.1f} times better with {order.words}.", CLOSES,
     "{advice}",
 )  # fmt: skip
 _THIS_IS = Kind("note", "geometries", "This is {fits}.", "{basis}", "Audit and solve with --geometry {fits}.")
 _PART = Kind(
-    "warning", "", "The {what} of the DVL is {listed} {unit}, stated is {stated}.", "{basis}",
-    "Set it for the DVL, or let the filter estimate it.", "{stated} {unit}",
+    "warning", "", "The {part.what} of the DVL is {values} {part.unit}, stated is {stated:.2f}.", BY_REFERENCE,
+    "Set it for the DVL, or let the filter estimate it.", "{stated:.2f} {part.unit}",
 )  # fmt: skip
 KINDS = {
     "never_locked": Kind(
@@ -99,10 +102,6 @@ KINDS = {
         "Check the unit: `velocity_scale` of a column map (0.001 for mm/s) turns it into m/s.",
         "at most {most:g} m/s",
     ),
-    "no_range": Kind(
-        "note", "pings", "{Beams} is flagged valid without a range in {size:.0f} pings ({percent} %).",
-        "First in row {row}.", "Do not use the range as the only test of validity.",
-    ),
     "rejected_by_instrument": Kind(
         "note", "pings",
         "The instrument flags its velocity invalid in {size:.0f} pings with all {of} beams valid ({percent} %).",
@@ -115,36 +114,27 @@ KINDS = {
     ),
     "noisy_beam": Kind(
         "warning", "times",
-        "{Beams} is {size:.1f} times noisier than the others: {own:.1f} mm/s against {others:.1f} mm/s.",
-        "Third differences of {pings} pings; they predict a closure of {predicted:.1f} mm/s, it is {closure:.1f}.",
+        "{Beams} is {size:.1f} times noisier than the others: {own:mm .1f} mm/s against {others:mm .1f} mm/s.",
+        "Third differences of {pings} pings predict a closure of {predicted:mm .1f} mm/s; it is {closure:mm .1f}.",
         "Give it its own noise (beam_noise_mps of each beam) or leave it out, and look at the transducer.",
-        "{others:.1f} mm/s",
+        "{others:mm .1f} mm/s",
     ),
     "identical_beams": Kind(
         "fault", "of pings", "{Beams} hold the same numbers{reverse} in {percent} % of {pings} pings.",
         "Two transducers do not agree to the last digit.",
         "Look for a column that is read twice; until then use one of the two and treat the other as lost.",
     ),
-    "identical_beams/parallel": Kind(
-        "fault", "deg", "{Beams} are parallel within {size:.2f} deg.", "± {sd:.2g} deg from {pings} pings.",
-        "One transducer is read twice: correct the wiring or the column map.",
-    ),
     "too_few_pings": Kind(
-        "note", "pings", "Beam directions are not observable in this log.",
-        "Only {size:.0f} pings have all beams and the instrument's velocity; at least {least} are needed.",
-        "Record with bottom lock on all beams.",
-    ),
-    "too_few_pings/closure": Kind(
-        "note", "pings", "Neither the closure nor the order of the beams is judged in this log.",
-        "Only {size:.0f} pings have all beams; at least {least} are needed.",
+        "note", "pings", "{what} not observable in this log.",
+        "Only {size:.0f} pings have all beams{and_what}; at least {least} are needed.",
         "Record longer with bottom lock on all beams.",
     ),
     "directions_not_observable": Kind(
         "note", "deg",
         "Beam directions are not observable in this log: the velocity varies too little, or its pings are too few or "
         "too correlated.",
-        "Standard deviations {sds} deg from {blocks} independent blocks, of which {least} are needed; the velocity "
-        "varies by {spread} m/s in x, y, z.",
+        "Standard deviations {of.direction_sd_rad:deg .2g} deg from {of.blocks} independent blocks, of which {least} "
+        "are needed; the velocity varies by {spread:.2g} m/s in x, y, z.",
         "Record longer, with surge, sway and heave of a few decimetres per second.",
     ),
     "beams_alone": Kind(
@@ -164,7 +154,7 @@ KINDS = {
     "swapped_beams/closure": _ORDER,
     "sign_flipped/closure": _ORDER,
     "order_or_bias": Kind(
-        "fault", "times", "Either the order is not the stated one ({orders}), or the closure has a bias.",
+        "fault", "times", "Either the order is not the stated one ({order.words}), or the closure has a bias.",
         CLOSES + " The vehicle's velocity varies too little to decide.",
         "Record the vehicle on two courses, or the instrument's own velocity.",
     ),
@@ -176,19 +166,19 @@ KINDS = {
     ),
     "rotated_geometry": Kind(
         "fault", "deg",
-        "The beams match the stated ones only after a common rotation: roll, pitch, yaw {rpy} deg.", ANGLES,
+        "The beams match the stated ones only after a common rotation: roll, pitch, yaw {rpy:deg .1f} deg.", ANGLES,
         "State the mounting, or rotate the instrument's velocity to the stated frame.",
     ),
     "mistilted_beam": Kind(
         "fault", "deg",
         "In the matrix that the instrument uses, off the stated direction by up to {size:.2f} deg: {beams}.",
-        ANGLES + " Off by {off} deg, stated tilts {stated}. With four beams a channel changed after the instrument "
-        "solved shows in every beam.",
+        ANGLES + " Off by {off} deg, stated tilts {stated:deg .2f}. With four beams a channel changed after "
+        "the instrument solved shows in every beam.",
         "Compare with the manufacturer's drawing; correct the stated geometry, or the channel.",
     ),
     "scale": Kind(
         "warning", "%",
-        "The scale of {beams} differs from that of the instrument's velocity by up to {signed:+.2f} %.",
+        "The scale of {beams} differs from that of the instrument's velocity by up to {signed:% +.2f} %.",
         "Scales {scales}.", "If common, only one of the two is corrected for the speed of sound; else a beam's fault.",
         "the scale of the velocity",
     ),
@@ -201,21 +191,22 @@ KINDS = {
     "closure_depends_on_velocity": Kind(
         "fault", "mm/s",
         "The closure depends on the velocity, by {size:.0f} mm/s RMS: directions or scales differ from the matrix.",
-        "Slope on x, y, z {slope} (p {p:.1g}). The pings {lag} away serve as instrumental variable.",
+        "Slope on x, y, z {slope} (p {of.p_value:.1g}). The pings {of.lag} away serve as instrumental variable.",
         "Closure names no beam: check the beams against the manufacturer's drawing, or calibrate with a reference.",
     ),
     "closure_bias": Kind(
         "warning", "mm/s",
         "The median closure is {size:+.1f} mm/s: at least one beam has a bias, or a scale or direction that a steady "
         "course shows as one.",
-        "± {sd:.1g} mm/s over {pings} pings. The three combinations of biases that act like a velocity do not show.",
+        "± {sd:.1g} mm/s over {of.pings} pings. The three combinations of biases that act like a velocity do not show.",
         "Let the filter estimate beam biases; compare at rest on the bottom.", "0 mm/s",
     ),
     "heavy_tails": Kind(
         "warning", "of pings",
-        "The closure has heavy tails: {percent} % of {pings} pings lie beyond three robust sigmas, 0.27 % would if "
+        "The closure has heavy tails: {percent} % of {of.pings} pings lie beyond three robust sigmas, 0.27 % would if "
         "the noise were Gaussian.",
-        "Median |e| {middle:.1f}, robust sigma {robust:.1f}, 95 % {p95:.0f}, 99 % {p99:.0f}, largest {top:.0f} mm/s.",
+        "Median |e| {of.median_abs_mps:mm .1f}, robust sigma {of.sigma_mps:mm .1f}, 95 % {of.p95_mps:mm .0f}, "
+        "99 % {of.p99_mps:mm .0f}, largest {of.max_mps:mm .0f} mm/s.",
         "Gate single beams, or use the heavy-tailed update; state the robust sigma as beam noise, not the RMS.",
         "0.27 % beyond three sigmas",
     ),
@@ -223,16 +214,17 @@ KINDS = {
         "note", "",
         "Misalignment, lever arm, clock offset and scale are not observable in this log: the other recordings do not "
         "explain the velocity.",
-        "{basis}", "Record accelerations, rotations and speeds well above the noise of the instrument.",
+        BY_REFERENCE, "Record accelerations, rotations and speeds well above the noise of the instrument.",
     ),
     "not_observable": Kind(
-        "note", "", "The {what} is not observable in this log{names}.",
-        "Standard deviations {sds} {unit}; infinite with too few independent pings, or too little of this motion.",
-        "Record more {lacks}.",
+        "note", "", "The {part.what} is not observable in this log{names}.",
+        "Standard deviations {sds:.2g} {part.unit}; infinite with too few independent pings, or too little of "
+        "this motion.",
+        "Record more {part.lacks}.",
     ),
     "left_handed": Kind(
         "fault", "", "The instrument's velocity is in a left-handed frame: it fits with its y axis reversed.",
-        "{basis}", "Reverse y before using the velocity.",
+        BY_REFERENCE, "Reverse y before using the velocity.",
     ),
     "misalignment": replace(_PART, unit="deg"),
     "lever_arm": replace(_PART, unit="m"),
@@ -248,70 +240,67 @@ KINDS = {
 """By the kind, and where one has several templates by the kind and the case."""
 
 
+FACTORS = {"mm": 1e3, "deg": np.rad2deg(1.0), "%": 100.0}
+"""From SI to the unit that begins a format, with a space: `{sigma_mps:mm .1f}`."""
+
+
 Told = dict[str, Any]
 """What a template names, by its name there."""
+
+
+class _Templates(string.Formatter):
+    """Numbers in the unit of their format; arrays as one number after the other."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:  # noqa: ANN401 - what a template names
+        unit, _, form = format_spec.rpartition(" ")
+        if unit:
+            value = FACTORS[unit] * value
+        return (
+            ", ".join(format(one, form) for one in value)
+            if isinstance(value, np.ndarray)
+            else format(value, form)
+        )
 
 
 def finding(
     template: str,
     size: float = 1.0,
     weight: float = 1.0,
-    told: Told | None = None,
     *,
     beams: Iterable[int] = (),
     sd: float = math.nan,
     severity: Severity | None = None,
+    **told: Any,  # noqa: ANN401 - what a template names
 ) -> Finding:
     """A finding told by its template.
 
     Args:
         template: of `KINDS`.
         size, weight, sd, severity: of the finding; the severity is the kind's by default.
-        told: what the template names beside size, sd, beams and percent (of the weight).
         beams: concerned, from 0.
+        told: what the template names beside size, sd, beams and percent (of the weight).
     """
-    kind, beams = KINDS[template], tuple(int(beam) for beam in beams)
-    words = beam_words(beams)
-    numbers = {
+    kind, numbers, words = KINDS[template], tuple(int(beam) + 1 for beam in beams), beam_words(beams)
+    told |= {
         "size": size,
         "sd": sd,
         "percent": f"{100.0 * weight:.3g}",
         "beams": words,
         "Beams": words.capitalize(),
     }
-    told = numbers | (told or {})
     text, evidence, hint, expected = (
-        one.format(**told) for one in (kind.text, kind.evidence, kind.hint, kind.expected)
+        _Templates().vformat(one, (), told) for one in (kind.text, kind.evidence, kind.hint, kind.expected)
     )
     return Finding(
         template.partition("/")[0], severity or kind.severity, float(weight), text, evidence, hint,
-        expected=expected, size=float(size), sd=float(sd), unit=kind.unit, beams=tuple(beam + 1 for beam in beams),
+        expected=expected, size=float(size), sd=float(sd), unit=kind.unit, beams=numbers,
     )  # fmt: skip
 
 
-def findings_table(findings: list[Finding]) -> pl.DataFrame:
-    """A row per finding, in the order given."""
-    rows = [
-        (
-            rank, one.kind, one.severity, list(one.beams), one.size, one.sd, one.unit, one.weight,
-            one.text, one.evidence, one.hint, one.place, one.expected,
-        )
-        for rank, one in enumerate(findings, start=1)
-    ]  # fmt: skip
-    return pl.DataFrame(rows, schema=dict(FINDINGS), orient="row")
-
-
-def listed(values: Iterable[float], form: str = ".2f") -> str:
-    """Numbers one after the other.
-
-    >>> listed([1.0, 2.5], "+.1f")
-    '+1.0, +2.5'
-    """
-    return ", ".join(format(value, form) for value in values)
-
-
 def with_sd(values: Iterable[float], sds: Iterable[float], form: str = ".2f", of_sd: str = ".2g") -> str:
-    """Numbers one after the other, each with its 1 sigma."""
-    return ", ".join(
-        f"{format(one, form)} ± {format(sd, of_sd)}" for one, sd in zip(values, sds, strict=True)
-    )
+    """Numbers one after the other, each with its 1 sigma.
+
+    >>> with_sd([1.0, -2.5], [0.1, 0.25], "+.1f")
+    '+1.0 ± 0.1, -2.5 ± 0.25'
+    """
+    return ", ".join(f"{one:{form}} ± {sd:{of_sd}}" for one, sd in zip(values, sds, strict=True))

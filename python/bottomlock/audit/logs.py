@@ -1,8 +1,7 @@
 """Readers of logs for an audit: defects of time and velocity are kept, since the audit reports them."""
 
-import json
 import re
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,20 +10,26 @@ from typing import Any
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import RotationSpline, Slerp
 
 from bottomlock.errors import DataError, bad_column
-from bottomlock.io.beams import (
-    LEAST_READING_NS,
-    Columns,
-    beam_flags,
-    read_times,
-    times_as_they_stand,
-)
-from bottomlock.io.columns import check_valid, column_numbers, read_flags, read_rows
+from bottomlock.files.atomic_write import read_json
+from bottomlock.io.beams import LEAST_READING_NS, Columns, beam_flags, read_times, times_as_they_stand
+from bottomlock.io.columns import check_valid, numbers_of, read_flags, read_rows
 from bottomlock.recordings.axes import from_angles
+from bottomlock.recordings.rig_motion import Tracked
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Times = NDArray[np.int64]
 
 AXES = ("x", "y", "z")
+SLOW_S, STEP_S = 0.3, 0.1
+"""Attitude at longer steps is interpolated by a smooth spline, at shorter ones by shortest arcs; to this step."""
+CHANGE_S = (0.5, 1.0)
+"""A velocity's change is taken over a sample on either side, within these: one of 2 mm/s noise has then a noise of
+3 mm/s², less than the acceleration of a slow vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +41,6 @@ class BeamLog:
         time_ns: (n,) int64, in the order of the file; it may repeat or go back.
         velocity_mps: (n, beams) readings, NaN where there is none; beams may be 0.
         valid: (n, beams) the instrument's flags.
-        range_m: (n, beams), or None.
         instrument_mps: (n, 3) the instrument's own velocity in its own frame, or None.
         instrument_valid: (n,) its own flag of that velocity, or None.
         columns: map of the columns that were read, or None for the documented names.
@@ -46,16 +50,15 @@ class BeamLog:
     """
 
     place: str
-    time_ns: NDArray[np.int64]
-    velocity_mps: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    range_m: NDArray[np.float64] | None = None
-    instrument_mps: NDArray[np.float64] | None = None
-    instrument_valid: NDArray[np.bool_] | None = None
+    time_ns: Times
+    velocity_mps: Array
+    valid: Flags
+    instrument_mps: Array | None = None
+    instrument_valid: Flags | None = None
     columns: Columns | None = None
     beside: dict[str, Any] = field(default_factory=dict)
-    stale: NDArray[np.bool_] | None = None
-    error_velocity_mps: NDArray[np.float64] | None = None
+    stale: Flags | None = None
+    error_velocity_mps: Array | None = None
 
     @property
     def beams(self) -> int:
@@ -68,17 +71,17 @@ class BeamLog:
         return len(self.time_ns)
 
     @property
-    def time_s(self) -> NDArray[np.float64]:
+    def time_s(self) -> Array:
         """(n,) seconds from the first ping."""
         return np.asarray((self.time_ns - self.time_ns[0]) * 1e-9, dtype=np.float64)
 
     @property
-    def full(self) -> NDArray[np.bool_]:
+    def full(self) -> Flags:
         """(n,) every beam is flagged valid and finite."""
         return np.asarray((self.valid & np.isfinite(self.velocity_mps)).all(axis=1))
 
     @cached_property
-    def unchanged(self) -> NDArray[np.bool_]:
+    def unchanged(self) -> Flags:
         """(n,) a ping repeats all readings and flags of the one before, with at least two non-zero readings.
 
         Pings that a reader has marked as stale, and flagged invalid, count as well.
@@ -96,7 +99,7 @@ class BeamLog:
         return self.beside.get("instrument_frame", "frd") not in {"earth", "ship"}
 
     @property
-    def solved(self) -> NDArray[np.bool_]:
+    def solved(self) -> Flags:
         """(n,) the instrument gives a velocity and flags it valid."""
         if self.instrument_mps is None:
             return np.zeros(self.pings, dtype=bool)
@@ -104,25 +107,9 @@ class BeamLog:
         return np.asarray(finite if self.instrument_valid is None else finite & self.instrument_valid)
 
 
-def numbers(table: pl.DataFrame, names: Sequence[str], place: str) -> NDArray[np.float64]:
-    """Columns as floats (n, columns), NaN where they are empty; true and false are 1 and 0."""
-    none = np.full(table.height, np.nan)
-    columns = [
-        none if name in table.columns and table[name].dtype == pl.Null
-        else column_numbers(table, name, place, words=True)
-        for name in names
-    ]  # fmt: skip
-    return np.stack(columns, axis=1) if columns else np.zeros((table.height, 0))
-
-
 def _filled(table: pl.DataFrame, *names: str) -> bool:
     """The columns are there and hold something."""
     return all(name in table.columns and table[name].null_count() < table.height for name in names)
-
-
-def _columns_of(table: pl.DataFrame, ending: str) -> list[str]:
-    found = [name for name in table.columns if re.fullmatch(rf"beam[1-8]_{ending}", name)]
-    return sorted(found, key=lambda name: int(name[4]))
 
 
 def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
@@ -144,7 +131,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     time_ns = times_as_they_stand(table, chosen, place)
     own = [f"instrument_{axis}_mps" for axis in AXES]
     has_own, has_error = _filled(table, *own), _filled(table, "error_velocity_mps")
-    stated = _columns_of(table, "mps")
+    stated = sorted(name for name in table.columns if re.fullmatch(r"beam[1-8]_mps", name))
     names = list(chosen.velocity or [name for name in stated if _filled(table, name)])
     if not names and not has_own and not has_error:
         # Empty columns of a log without lock, which is audited as such.
@@ -155,7 +142,7 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
             place=place,
             hint="`bottomlock convert` makes such a table, or a geometry file maps the columns",
         )
-    velocity = numbers(table, names, place) * chosen.velocity_scale
+    velocity = numbers_of(table, names, place) * chosen.velocity_scale
     flags = [name.replace("_mps", "_valid") for name in names]
     valid = np.zeros(velocity.shape, dtype=bool)
     if mapped and chosen.valid is None:
@@ -163,59 +150,40 @@ def read_log(path: str | Path, columns: Columns | None = None) -> BeamLog:
     elif names:
         valid = read_flags(table, chosen.valid or flags, place)
     check_valid(velocity, valid, names, place)
-    ranges = [name for name in _columns_of(table, "range_m") if _filled(table, name)]
-    judged = has_own and _filled(table, "instrument_valid")
+    judged, beside = has_own and _filled(table, "instrument_valid"), None
+    with suppress(DataError):  # A file of this name that is no JSON object is no account.
+        beside = read_json(Path(path).with_suffix(".json"))
     return BeamLog(
         place, time_ns, velocity, valid,
-        numbers(table, ranges, place) if len(ranges) == len(names) > 0 else None,
-        numbers(table, own, place) if has_own else None,
+        numbers_of(table, own, place) if has_own else None,
         read_flags(table, ["instrument_valid"], place)[:, 0] if judged else None,
-        chosen if mapped else None, _beside(Path(path)),
+        chosen if mapped else None, beside or {},
         read_flags(table, ["stale"], place)[:, 0] if "stale" in table.columns else None,
-        numbers(table, ["error_velocity_mps"], place)[:, 0] if has_error else None,
+        numbers_of(table, ["error_velocity_mps"], place)[:, 0] if has_error else None,
     )  # fmt: skip
 
 
-def _beside(path: Path) -> dict[str, Any]:
-    """Account of the converter; empty without one, or for a file that is no JSON object."""
-    try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
+def tracked(time_ns: Times, rpy_rad: Array, velocity_t_mps: Array) -> Tracked:
+    """The motion of a reference, the platform's, at even times.
 
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """Recorded attitude and velocity of the platform.
-
-    Attributes:
-        time_ns: (m,) int64, rising.
+    Args:
+        time_ns: (m,) rising.
         rpy_rad: (m, 3) roll, pitch, yaw from tangent (NED) to platform frame.
         velocity_t_mps: (m, 3) north, east, down.
     """
-
-    time_ns: NDArray[np.int64]
-    rpy_rad: NDArray[np.float64]
-    velocity_t_mps: NDArray[np.float64]
-
-    @property
-    def attitude(self) -> Rotation:
-        """(m,) from the platform to the tangent frame."""
-        return from_angles(*self.rpy_rad.T)
-
-    def spans(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether times (n,) are within."""
-        return np.asarray((time_ns >= self.time_ns[0]) & (time_ns <= self.time_ns[-1]))
+    time_s, attitudes = (time_ns - time_ns[0]) * 1e-9, from_angles(*rpy_rad.T)
+    usual_s = float(np.median(np.diff(time_s)))
+    at_s = np.arange(0.0, time_s[-1], min(STEP_S, usual_s))
+    between = RotationSpline(time_s, attitudes) if usual_s > SLOW_S else Slerp(time_s, attitudes)
+    return Tracked(
+        time_ns[0] + np.round(at_s * 1e9).astype(np.int64), between(at_s).as_matrix(),
+        CubicSpline(time_s, velocity_t_mps)(at_s), float(np.clip(usual_s, *CHANGE_S)),
+    )  # fmt: skip
 
 
-def _rising(table: pl.DataFrame, place: str) -> NDArray[np.int64]:
-    return read_times(table, Columns(), place, LEAST_READING_NS)
-
-
-def _block(table: pl.DataFrame, names: list[str], place: str) -> NDArray[np.float64]:
+def _block(table: pl.DataFrame, names: list[str], place: str) -> Array:
     """Columns (n, k) that have no blanks."""
-    block = numbers(table, names, place)
+    block = numbers_of(table, names, place)
     wrong = np.argwhere(~np.isfinite(block))
     if wrong.size:
         row, column = (int(index) for index in wrong[0])
@@ -227,7 +195,7 @@ _LARGEST_RAD = {"roll_rad": np.pi + 1e-3, "pitch_rad": np.pi / 2.0 + 1e-3}
 """Of an angle that is none in degrees; a yaw may count turns."""
 
 
-def read_reference(path: str | Path) -> Reference:
+def read_reference(path: str | Path) -> Tracked:
     """Reads attitude and velocity from `time_ns`, `roll_rad`, `pitch_rad`, `yaw_rad`, `velocity_north_mps` ....
 
     Raises:
@@ -242,4 +210,5 @@ def read_reference(path: str | Path) -> Reference:
         if beyond.size:
             row, expected = int(beyond[0]), f"at most {most:.4g} rad either way"
             raise bad_column(place, name, f"is {rpy[row, k]:g}", expected, row=row, hint="is it in degrees?")
-    return Reference(_rising(table, place), rpy, _block(table, names, place))
+    time_ns = read_times(table, Columns(), place, LEAST_READING_NS)
+    return tracked(time_ns, rpy, _block(table, names, place))

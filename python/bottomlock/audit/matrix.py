@@ -1,4 +1,4 @@
-"""Beam matrix from the instrument's own velocity: directions, order, signs, scale, bias.
+"""Beam matrix from the instrument's own velocity: directions, scale, bias; and its match with stated directions.
 
 The instrument computes its velocity from the beams, so that the regression gives the matrix that the instrument *uses*.
 Whether the transducers are mounted so is tested by `closure` and by an independent velocity.
@@ -14,8 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
 
-from bottomlock.audit.robust import LEAST_BLOCKS, Array, fit_linear
+from bottomlock.audit.logs import Array
+from bottomlock.audit.robust import LEAST_BLOCKS, fit_linear
 from bottomlock.recordings.robust import sd_about_median
 from bottomlock.statistics.rms import rms
 
@@ -29,6 +32,8 @@ LEAST_MOTION = 0.3
 """Residuals above this fraction of the motion bias a regression by a tenth: coarse rounding, or a vehicle at rest."""
 OBSERVABLE_RAD = np.deg2rad(2.0)
 """A direction with a larger standard deviation is not observable in the log."""
+NEAR_RAD = np.deg2rad(15.0)
+"""A beam within this of a stated one is that beam with a wrong tilt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +133,6 @@ def azimuth(vectors: Array) -> Array:
     return np.asarray(np.arctan2(vectors[..., 1], vectors[..., 0]))
 
 
-def line_angle(one: Array, other: Array) -> float:
-    """Angle between the lines of two unit vectors (3,), whichever way they point, rad."""
-    return float(np.arccos(min(abs(float(one @ other)), 1.0)))
-
-
 def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
     """Beam matrix from readings (n, beams) and the instrument's velocity (n, 3), m/s; None from too few pings.
 
@@ -169,3 +169,53 @@ def find_matrix(readings_mps: Array, velocity_mps: Array) -> Matrix | None:
 def _inverse(parameters: Array) -> Array:
     """(..., beams + 1, 3) coefficients of the readings to (..., beams, 3) rows of the beams."""
     return np.asarray(np.linalg.pinv(np.swapaxes(parameters[..., :-1, :], -1, -2), rcond=1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """Match of found with stated directions: channel k reads sign[k] × the stated beam `beam[k]`, off by `off_rad[k]`.
+
+    `rotation` rotates all stated directions to the found ones; it is the identity unless no match exists without it.
+    """
+
+    beam: NDArray[np.int64]
+    sign: NDArray[np.int64]
+    off_rad: Array
+    rotation: Rotation
+
+    @property
+    def cost(self) -> tuple[float, int, float]:
+        """Of equal fits (a Janus fits after every quarter turn) the one with the fewest changes and the least turn."""
+        changes = int(np.sum(self.beam != np.arange(len(self.beam))) + np.sum(self.sign < 0))
+        return round(float(self.off_rad.max()), 2), changes, float(self.rotation.magnitude())
+
+
+def match(found: Array, stated: Array) -> Match:
+    """The simplest order, signs and common rotation that bring stated directions (beams, 3) to found ones.
+
+    Rotations about z, and about z with the frame upside down, are tried only where some channel has no stated beam
+    within 15°.
+    """
+    plain = _assign(found, stated, Rotation.identity())
+    if np.all(plain.off_rad < NEAR_RAD) or np.sum(plain.off_rad > NEAR_RAD) <= len(found) // 4:
+        return plain
+    yaws = Rotation.from_euler("z", np.arange(0.0, 360.0, 15.0)[:, None], degrees=True)
+    upside_down = Rotation.from_euler("x", np.pi)
+    turns = [turn for turned in (yaws, upside_down * yaws) for turn in turned]
+    best = min((_assign(found, stated, turn) for turn in turns), key=lambda one: one.cost)
+    if best.off_rad.max() > 0.5 * plain.off_rad.max():
+        return plain
+    rotation, _ = Rotation.align_vectors(found, best.sign[:, None] * stated[best.beam])
+    return _assign(found, stated, rotation)
+
+
+def _assign(found: Array, stated: Array, rotation: Rotation) -> Match:
+    cosine = found @ rotation.apply(stated).T
+    angle = np.arccos(np.clip(np.abs(cosine), -1.0, 1.0))
+    rows, order = linear_sum_assignment(angle**2)
+    # A channel with another channel's beam is a copy of it, not a beam with a wrong tilt.
+    nearest = np.argmin(angle, axis=1)
+    copy = (angle[rows, order] > NEAR_RAD) & (angle[rows, nearest] < NEAR_RAD)
+    order = np.where(copy, nearest, order)
+    sign = np.where(cosine[rows, order] < 0.0, -1, 1)
+    return Match(order, sign, angle[rows, order], rotation)

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t
 
 from bottomlock.audit.findings import SIGNIFICANCE
+from bottomlock.audit.logs import Array, Flags
 from bottomlock.recordings.robust import PER_BLOCK, correlation_blocks, sd_about_median
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 HUBER = 1.345
 """Threshold of Huber's loss in sigmas: 95 % efficiency for Gaussian noise."""

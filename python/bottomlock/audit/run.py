@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from bottomlock.audit.checks import found_in
+from bottomlock.audit.checks import ALWAYS, CHECKS, OF_LOG
 from bottomlock.audit.context import Context
-from bottomlock.audit.logs import Reference, read_log
+from bottomlock.audit.logs import read_log
 from bottomlock.files.atomic_write import plain
 from bottomlock.io.beams import read_geometry
-from bottomlock.recordings.finding import Finding
+from bottomlock.recordings.finding import Finding, ranked
+from bottomlock.recordings.rig_motion import Tracked
 
 
 class Audit(Context):
@@ -27,7 +28,7 @@ class Audit(Context):
         >>> motion = rng.normal(size=(400, 3)) * [0.5, 0.3, 0.2]
         >>> readings = janus.beam_velocities(motion) + 0.01 * rng.normal(size=(400, 4))
         >>> own = readings @ np.linalg.pinv(janus.directions_p).T
-        >>> log = BeamLog("dive", np.arange(400) * 10**8, readings[:, [1, 0, 2, 3]], np.ones((400, 4), bool), None, own)
+        >>> log = BeamLog("dive", np.arange(400) * 10**8, readings[:, [1, 0, 2, 3]], np.ones((400, 4), bool), own)
         >>> [(one.kind, one.beams) for one in Audit(log, stated=janus).findings]
         [('swapped_beams', (1, 2))]
     """
@@ -35,14 +36,18 @@ class Audit(Context):
     @cached_property
     def findings(self) -> list[Finding]:
         """Ranked, the worst first."""
-        return found_in(self)
+        found = [one for check in ALWAYS for one in check(self.log)]
+        if self.locked:
+            found += [one for check in OF_LOG for one in check(self.log)]
+            found += [one for check in CHECKS for one in check(self)]
+        return ranked(found)
 
 
 def audit_file(
     path: str | Path,
     *,
     geometry: str | Path | None = None,
-    reference: Reference | None = None,
+    reference: Tracked | None = None,
 ) -> Audit:
     """Reads and audits a log.
 
@@ -76,31 +81,20 @@ _OF_MATRIX = (
 
 def numbers_of(audit: Audit) -> dict[str, Any]:
     """All results in the types of JSON, in SI units and radians."""
-    log, found = audit.log, audit.assessment
-    matched, valid = found.match, log.valid.sum(axis=1)
+    log, match, valid = audit.log, audit.beams.match, audit.log.valid.sum(axis=1)
+    closures = [vars(one) | {"beam_sigma_mps": one.beam_sigma_mps} for one in audit.closures]
     content = {
-        "log": log.place,
-        "geometry": audit.geometry_name,
-        "pings": log.pings,
-        "beams": log.beams,
+        "log": log.place, "geometry": audit.geometry_name, "pings": log.pings, "beams": log.beams,
         "duration_s": float(log.time_s.max()),
         "pings_by_valid_beams": {k: (valid == k).sum() for k in range(log.beams, -1, -1)},
-        "full_pings_used": found.full.sum(),
-        "unchanged_pings": log.unchanged.sum(),
-        "findings": audit.findings,
-        "converted": log.beside,
-        "matrix": found.matrix and {name: getattr(found.matrix, name) for name in _OF_MATRIX},
-        "match": matched
-        and {
-            "beam": matched.beam + 1, "sign": matched.sign, "off_rad": matched.off_rad,
-            "rotation_rad": matched.rotation.as_rotvec(),
+        "full_pings_used": audit.whole.sum(), "unchanged_pings": log.unchanged.sum(),
+        "findings": audit.findings, "converted": log.beside,
+        "matrix": audit.matrix and {name: getattr(audit.matrix, name) for name in _OF_MATRIX},
+        "match": match and {
+            "beam": match.beam + 1, "sign": match.sign, "off_rad": match.off_rad,
+            "rotation_rad": match.rotation.as_rotvec(),
         },
-        "closure": [
-            {name: of for name, of in vars(one).items() if name != "values_mps"}
-            | {"beam_sigma_mps": one.beam_sigma_mps}
-            for one in found.closures
-        ],
-        "closure_slope": found.slope,
-        "mounting": audit.mounting,
+        "closure": [{name: of for name, of in one.items() if name != "values_mps"} for one in closures],
+        "closure_slope": audit.beams.slope, "mounting": audit.mounting,
     }  # fmt: skip
     return dict(plain(content))
