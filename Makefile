@@ -169,7 +169,7 @@ soak: $(VENV)/.tools $(VENV)/.installed
 
 # Random wrong lines of kernel and package: which share do the quick tests of their rooms see? Needs cargo-mutants.
 #
-#   make mutants MUTANTS="--groups logs --each 20"
+#   make mutants MUTANTS="logs --each 20"
 mutants: $(VENV)/.tools $(VENV)/.installed
 	@cargo mutants --version >/dev/null 2>&1 || \
 	    { echo "make: cargo-mutants not found; cargo install cargo-mutants --locked --version 27.1.0" >&2; exit 2; }

@@ -13,7 +13,6 @@ by method where it has more than `MOST_ROWS` rows.
 
 from __future__ import annotations
 
-import argparse
 import datetime as dt
 import shlex
 import subprocess
@@ -23,6 +22,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import cyclopts
 import polars as pl
 
 from bottomlock.files.columns import PUBLISHED, STUDY, check
@@ -82,11 +82,6 @@ def read(path: Path) -> tuple[pl.DataFrame, dict[str, str]]:
             about.setdefault(name, ", ".join(map(str, table[name].unique(maintain_order=True))))
     about.setdefault("title", path.stem.replace("_", " ").capitalize())
     return table.drop(ORIGIN, strict=False), about
-
-
-def write(path: Path, table: pl.DataFrame, about: Mapping[str, str]) -> None:
-    """A table with what is said of it."""
-    table.write_parquet(path, compression="zstd", metadata=dict(about))
 
 
 def page(folder: Path = DATA) -> str:
@@ -152,15 +147,12 @@ def _cells(table: pl.DataFrame) -> tuple[list[str], list[list[Any]]]:
     return ["method", "trajectory", *heads], rows
 
 
-def _pivoted(table: pl.DataFrame, about: Mapping[str, str]) -> tuple[list[str], list[list[Any]]]:
+def _pivoted(table: pl.DataFrame, about: Mapping[str, str]) -> tuple[list[str], list[Any]]:
     """A row for each value of `index`, a column for each of `on`; several `values` stand with a slash between them."""
-    index, on, values = about["index"].split(","), about["on"], about["values"].split(",")
-    columns = table[on].unique(maintain_order=True).to_list()
-    rows = []
-    for key, group in table.group_by(index, maintain_order=True):
-        cells = {row[on]: _cell(row, values) for row in group.iter_rows(named=True)}
-        rows.append([*key, *(cells.get(column, "") for column in columns)])
-    return [*index, *map(str, columns)], rows
+    index, values = about["index"].split(","), about["values"].split(",")
+    cells = pl.Series("cell", [_cell(row, values) for row in table.iter_rows(named=True)])
+    found = table.select(*index, about["on"], cells).pivot(about["on"], index=index, values="cell")
+    return found.columns, found.with_columns(pl.exclude(index).fill_null("")).rows()
 
 
 def _cell(row: Mapping[str, Any], values: Sequence[str]) -> str:
@@ -191,14 +183,14 @@ def published_table() -> pl.DataFrame:
     return pl.concat([verdicts(read(DATA / f"{name}.parquet")[0], world) for name, world in WORLDS.items()])
 
 
-def publish() -> None:
+def write_published() -> None:
     """Writes the verdicts into the package."""
     origins = [read(DATA / f"{name}.parquet")[1] for name in WORLDS]
     about = {name: "; ".join(dict.fromkeys(origin[name] for origin in origins)) for name in ORIGIN}
-    write(Path(advice.__file__).with_name(advice.FILE), published_table(), about)
+    published_table().write_parquet(Path(advice.__file__).with_name(advice.FILE), metadata=about)
 
 
-def fly(name: str) -> None:
+def flown(name: str) -> None:
     """Flies the table of a study again by its command, and writes it with the commit of the code.
 
     Raises:
@@ -209,35 +201,40 @@ def fly(name: str) -> None:
     words = shlex.split(about["command"])
     if words[:2] != ["bottomlock", "study"]:
         raise SystemExit(f"evidence: {name} is not a study's; its command is {about['command']}")
-    if changed := _git("status", "--porcelain", "--", *CODE):
+    if changed := git("status", "--porcelain", "--", *CODE):
         raise SystemExit(f"evidence: commit the code first, a table names its commit; changed:\n{changed}")
     with TemporaryDirectory() as folder:
         command = [str(Path(sys.executable).with_name("bottomlock")), *words[1:]]
         subprocess.run([folder if word == "DIR" else word for word in command], check=True)  # noqa: S603 - itself
         table = check(pl.read_parquet(Path(folder) / "study.parquet"), STUDY, place=name)
     today = dt.datetime.now(tz=dt.UTC).date().isoformat()
-    write(path, table, about | {"commit": _git("rev-parse", "--short=8", "HEAD"), "date": today})
+    table.write_parquet(path, metadata=about | origin(about["command"]) | {"date": today})
 
 
-def _git(*arguments: str) -> str:
+def origin(command: str) -> dict[str, str]:
+    """What is said of a table of the code at hand: commit and command."""
+    return {"commit": git("rev-parse", "HEAD"), "command": command}
+
+
+def git(*arguments: str) -> str:
+    """What Git says of the checkout."""
     command = ["git", "-C", str(ROOT), *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()  # noqa: S603 - itself
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Writes the page, or what the arguments say."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--fly", metavar="NAME", help="fly the table of a study again")
-    parser.add_argument("--publish", action="store_true", help="write the verdicts into the package")
-    given = parser.parse_args(arguments)
-    if given.fly:
-        fly(given.fly)
-    if given.publish:
-        publish()
+def main(*, fly: str = "", publish: bool = False) -> None:
+    """Writes docs/evidence.md from the small tables in data/evidence.
+
+    Args:
+        fly: The table of a study to fly again.
+        publish: Write the verdicts into the package.
+    """
+    if fly:
+        flown(fly)
+    if publish:
+        write_published()
     PAGE.write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    cyclopts.run(main)

@@ -1,30 +1,26 @@
 """Puts random wrong lines into the code and counts those that the quick tests see: `python -m tools.mutation_sample`.
 
 Rust faults are drawn from the list of cargo-mutants and judged by the kernel's unit tests, all in one build
-(`tools.switched_faults`). Python faults are drawn over
-the syntax tree and judged by those quick tests of their rooms that run the line. Faults that do not build are left out
-and others drawn.
+(`tools.switched_faults`). Python faults are drawn over the syntax tree and judged by those quick tests of their rooms
+that run the line. Faults that do not build are left out and others drawn.
 
 A row of the table is a fault: group, file, function, line (its text), change, outcome ("killed", "survived", or
 "timeout", which counts as killed), and the commit that it was judged at. `--again TABLE` judges the faults of an
 earlier table once more, where function, line and change still stand, and prints both shares: the gate before and after
-a change. `--goes-on` keeps what `--out` holds, and judges what is missing of the groups at this commit.
+a change. A table of `--out` keeps its rows of other groups, so that groups can be judged one after another.
 
-    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet [--goes-on]
-    python -m tools.mutation_sample --groups logs --each 20
+    python -m tools.mutation_sample --out data/evidence/mutation_sample.parquet
+    python -m tools.mutation_sample logs --each 20
     python -m tools.mutation_sample --again data/evidence/mutation_sample.parquet
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import compileall
 import json
 import os
-import py_compile
 import random
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -33,19 +29,20 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
-from itertools import accumulate, islice
+from itertools import chain, islice
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
+import cyclopts
 import polars as pl
 from coverage import CoverageData
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import track
 from scipy.stats import beta
 
 import bottomlock
-from tools.switched_faults import TEST, Fault, build, outcome
+from tools.evidence import origin
+from tools.switched_faults import SWITCH, Fault, build, outcome
 
 ROOT = Path(__file__).resolve().parent.parent
 KERNEL = "crates/bottomlock/src/"
@@ -62,18 +59,12 @@ PYTHON = {
     ),
 }  # fmt: skip
 """Rooms of each group; a room's tests are those in the folder of its name."""
-LIMIT_S = 300.0
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And,
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Pow: ast.Mult,
     ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
 }  # fmt: skip
-
-
-def run(command: list[str], **options: Any) -> subprocess.CompletedProcess[Any]:  # noqa: ANN401
-    """A command of this tool's own, whose exit code its caller reads."""
-    return subprocess.run(command, check=False, **options)  # noqa: S603
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:  # noqa: C901, PLR0912
@@ -115,8 +106,7 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:  # noqa: C901, PLR0912
 def python_faults(group: str, path: Path, root: Path) -> list[Fault]:
     """Every fault of a Python file, but those in annotations, in what is raised, and in decorators."""
     text = path.read_text(encoding="utf-8")
-    tree, lines, body = ast.parse(text), text.splitlines(), text.encode()
-    starts = _starts(text)
+    lines, body = text.split("\n"), text.encode()
     faults: list[Fault] = []
 
     def visit(node: ast.AST, function: str) -> None:
@@ -124,193 +114,126 @@ def python_faults(group: str, path: Path, root: Path) -> list[Fault]:
             # Of a branch the condition is replaced, and of an argument its value.
             old: Any = node.test if isinstance(node, ast.If | ast.While) else node
             old = old.value if isinstance(old, ast.keyword) else old
-            span = starts[old.lineno - 1] + old.col_offset, starts[old.end_lineno - 1] + old.end_col_offset
+            span = byte(lines, old.lineno) + old.col_offset, byte(lines, old.end_lineno) + old.end_col_offset
             new = ast.unparse(ast.fix_missing_locations(wrong))
             new = new if isinstance(old, ast.stmt | ast.Slice) else f"({new})"
             same = " ".join(body[slice(*span)].decode().split())
             line, change = lines[old.lineno - 1].strip(), f"{same[:120]} -> {new[:120]}"
             file = path.relative_to(root).as_posix()
             faults.append(Fault(group, file, function, line, change, number=old.lineno, span=span, new=new))
-        inner = function
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-            inner = f"{function}.{node.name}".lstrip(".")
+            function = f"{function}.{node.name}".lstrip(".")
         for name, field in ast.iter_fields(node):
             if name in {"annotation", "returns", "decorator_list"} or isinstance(node, ast.Raise):
                 continue
             for child in field if isinstance(field, list) else [field]:
                 if isinstance(child, ast.AST):
-                    visit(child, inner)
+                    visit(child, function)
 
-    visit(tree, "")
+    visit(ast.parse(text), "")
     return faults
 
 
-def _starts(text: str) -> list[int]:
-    """The byte at which each line begins."""
-    return [0, *accumulate(len(line.encode()) + 1 for line in text.split("\n"))]
+def byte(lines: list[str], line: int, column: int = 0) -> int:
+    """The byte of a character: its line from 1, its column from 0."""
+    return len("\n".join([*lines[: line - 1], lines[line - 1][:column]]).encode())
 
 
-def rust_faults() -> list[Fault]:
-    """Every fault in cargo-mutants' list (.cargo/mutants.toml)."""
-    listed = run(
-        ["cargo", "mutants", "--list", "--json", "--package", "bottomlock"],
-        cwd=ROOT,  capture_output=True, text=True,
-    ).stdout  # fmt: skip
-    group_of = {room: group for group, rooms in RUST.items() for room in rooms}
+def rust_faults(group: str) -> list[Fault]:
+    """Every fault of a group in cargo-mutants' list (.cargo/mutants.toml)."""
+    command = ["cargo", "mutants", "--list", "--json", "--package", "bottomlock"]
     faults = []
-    for entry in json.loads(listed):
-        room = entry["file"].removeprefix(KERNEL).split("/")[0]
-        if room not in group_of:
+    for entry in json.loads(subprocess.check_output(command, cwd=ROOT)):  # noqa: S603 - our own arguments
+        if entry["file"].removeprefix(KERNEL).split("/")[0] not in RUST[group]:
             continue
-        text = (ROOT / entry["file"]).read_text(encoding="utf-8")
-        lines, starts = text.splitlines(), _starts(text)
+        lines = (ROOT / entry["file"]).read_text(encoding="utf-8").split("\n")
 
-        def place(span: Any, lines: list[str] = lines, starts: list[int] = starts) -> tuple[int, int]:  # noqa: ANN401
-            # Columns are characters, from 1.
-            first, last = (
-                starts[at["line"] - 1] + len(lines[at["line"] - 1][: at["column"] - 1].encode())
-                for at in (span["start"], span["end"])
-            )
+        def place(span: Any, lines: list[str] = lines) -> tuple[int, int]:  # noqa: ANN401
+            first, last = (byte(lines, at["line"], at["column"] - 1) for at in (span["start"], span["end"]))
             return first, last
 
         function, number, span = entry["function"], entry["span"]["start"]["line"], place(entry["span"])
-        old = text.encode()[slice(*span)].decode() if entry["genre"] != "FnValue" else "body"
+        old = "\n".join(lines).encode()[slice(*span)].decode() if entry["genre"] != "FnValue" else "body"
         name, owner = (function["function_name"], place(function["span"])) if function else ("", (0, 0))
         faults.append(Fault(
-            group_of[room], entry["file"], name, lines[number - 1].strip(), f"{old} -> {entry['replacement']}",
+            group, entry["file"], name, lines[number - 1].strip(), f"{old} -> {entry['replacement']}",
             number=number, span=span, new=entry["replacement"], owner=owner,
         ))  # fmt: skip
     return faults
 
 
-def quick_build(tree: Path) -> dict[str, str]:
-    """The environment of a build: incremental, and without what only a debugger reads."""
-    return os.environ | {
-        "CARGO_INCREMENTAL": "1",
-        "CARGO_PROFILE_TEST_DEBUG": "false",
-        "CARGO_TARGET_DIR": str(tree / "target"),
-    }
-
-
-def judged_rust(chosen: list[Fault], tree: Path) -> Iterator[Fault | None]:
+def judged_rust(chosen: list[Fault]) -> Iterator[Fault | None]:
     """The faults with their outcomes, in order; None for one that does not build.
 
-    All are in one build, but those of a function that cannot be switched, such as a constant one.
+    All are in one build, but those of a function that cannot be switched, such as a constant one: they are left out.
     """
-    numbered, quick = dict(enumerate(chosen, 1)), quick_build(tree)
-    program, switched, bad = build(tree, dict(numbered), quick)
-    for number, fault in numbered.items():
-        if number in switched:
-            yield replace(fault, outcome=outcome(program, number, tree, LIMIT_S))
-        elif number in bad:
-            yield None
-        else:
-            yield tried(fault, tree, [*TEST, "--no-run"], TEST, cwd=tree, env=quick)
+    numbered = dict(enumerate(chosen, 1))
+    with tempfile.TemporaryDirectory() as tree:
+        copied = ["cp", "-r", "crates", ".cargo", "Cargo.toml", "Cargo.lock", tree]
+        subprocess.run(copied, cwd=ROOT, check=True)  # noqa: S603 - our own arguments
+        crate = Path(tree) / "crates" / "bottomlock"
+        program, switched = build(Path(tree), numbered)
+        for number, fault in numbered.items():
+            run = os.environ | {SWITCH: str(number), "CARGO_MANIFEST_DIR": str(crate)}
+            judged = number in switched
+            yield replace(fault, outcome=outcome([program], cwd=crate, env=run)) if judged else None
 
 
-def tried(
-    fault: Fault,
-    tree: Path,
-    builds: list[str],
-    tests: list[str],
-    **options: Any,  # noqa: ANN401
-) -> Fault | None:
-    """The fault with its outcome in a copy of the code; None for one that does not build."""
-    path = tree / fault.file
-    good = path.read_text(encoding="utf-8")
-    try:
-        path.write_text(fault.applied(good), encoding="utf-8")
-        if run(builds, capture_output=True, **options).returncode:
-            return None
-        done = run(tests, capture_output=True, timeout=LIMIT_S, **options)
-        return replace(fault, outcome="survived" if done.returncode == 0 else "killed")
-    except subprocess.TimeoutExpired:
-        return replace(fault, outcome="timeout")
-    finally:
-        path.write_text(good, encoding="utf-8")
+QUICK = [
+    sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not deep",
+]  # fmt: skip
 
 
-def crates_copy(folder: Path) -> Path:
-    """A copy of the crates for faults."""
-    for name in ("crates", ".cargo"):
-        shutil.copytree(ROOT / name, folder / name)
-    for name in ("Cargo.toml", "Cargo.lock"):
-        shutil.copy2(ROOT / name, folder)
-    return folder
-
-
-def package_copy(folder: Path) -> Path:
-    """A copy of the package for faults; its compiled files are checked by the hash of their source."""
-    package = folder / "python" / "bottomlock"
-    shutil.copytree(ROOT / "python" / "bottomlock", package, ignore=shutil.ignore_patterns("__pycache__"))
-    if not list(package.glob("_kernel*")):
-        (source,) = Path(bottomlock.__file__).parent.glob("_kernel*.so")
-        shutil.copy2(source, package)
-    compileall.compile_dir(package, quiet=2, invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
-    return package.parent
-
-
-def _environment(python: Path) -> dict[str, str]:
+def linked(folder: Path) -> dict[str, str]:
+    """The package in a folder, each file a link, and the environment of tests that import it from there."""
+    subprocess.run(["cp", "-rs", ROOT / "python" / "bottomlock", folder], check=True)  # noqa: S603, S607
+    for kernel in Path(bottomlock.__file__).parent.glob("_kernel*.so"):
+        if not (folder / "bottomlock" / kernel.name).exists():
+            (folder / "bottomlock" / kernel.name).symlink_to(kernel)
     return os.environ | {
-        "PYTHONPATH": f"{python}{os.pathsep}{ROOT}", "PYTHONDONTWRITEBYTECODE": "1", "MPLBACKEND": "Agg",
+        "PYTHONPATH": f"{folder}{os.pathsep}{ROOT}", "PYTHONDONTWRITEBYTECODE": "1", "MPLBACKEND": "Agg",
         "CI": "1", "RAYON_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1", "OPENBLAS_NUM_THREADS": "1",
     }  # fmt: skip
 
 
-QUICK = ["pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not long and not deep"]
-
-
-def tests_by_line(group: str, python: Path, work: Path) -> dict[str, dict[int, set[str]]]:
-    """Of each file and line the tests of the group's rooms that run it, by coverage; line 0: any line of the file."""
+def covered(group: str, work: Path) -> CoverageData:
+    """Which tests of the group's rooms run which line, by coverage."""
     folders = [f"tests/{room}" for room in PYTHON[group] if (ROOT / "tests" / room).is_dir()]
-    (work / "rc").write_text(
-        f"[run]\ndynamic_context = test_function\ndata_file = {work / 'data'}\nsource = {python}\n"
-    )
-    run(
-        [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", "-m", *QUICK, *folders],
-        cwd=ROOT, env=_environment(python), stdout=sys.stderr,
-    )  # fmt: skip
+    rc = f"[run]\ndynamic_context = test_function\ndata_file = {work / 'data'}\nsource = {ROOT / 'python'}\n"
+    (work / "rc").write_text(rc)
+    command = [sys.executable, "-m", "coverage", "run", f"--rcfile={work / 'rc'}", *QUICK[1:], *folders]
+    subprocess.run(command, cwd=ROOT, env=linked(work), stdout=sys.stderr, check=False)  # noqa: S603 - ours
     data = CoverageData(str(work / "data"))
     data.read()
-    found: dict[str, dict[int, set[str]]] = {}
-    for file in data.measured_files():
-        lines: dict[int, set[str]] = defaultdict(set)
-        for number, contexts in data.contexts_by_lineno(file).items():
-            tests = {test for context in contexts if context and (test := _test(context))}
-            lines[number] |= tests
-            lines[0] |= tests
-        found[f"python/{Path(file).relative_to(python).as_posix()}"] = lines
-    return found
+    return data
 
 
-def _test(context: str) -> str:
-    """`tests.io.test_text.test_blank` as pytest names it; "" for a function that is no test."""
-    module, _, name = context.rpartition(".")
-    while module and not (ROOT / f"{module.replace('.', '/')}.py").exists():
-        module, _, above = module.rpartition(".")
-        name = f"{above}::{name}"
-    if not module.startswith("tests."):
-        return ""
-    return f"{module.replace('.', '/')}.py::{name}"
+def tests_of(fault: Fault, data: CoverageData) -> list[str]:
+    """The tests that run its line; where none does, as with a constant, those that run any line of the file."""
+    by_line = data.contexts_by_lineno(str(ROOT / fault.file))
+    for contexts in (by_line.get(fault.number, ()), chain(*by_line.values())):
+        places = {context.rpartition(".") for context in contexts if context.startswith("tests.")}
+        if places:
+            return sorted(f"{module.replace('.', '/')}.py::{test}" for module, _, test in places)
+    return []
 
 
-def judge_python(
-    fault: Fault, lines: dict[str, dict[int, set[str]]], copies: SimpleQueue[Path]
-) -> Fault | None:
+def judge_python(fault: Fault, data: CoverageData) -> Fault | None:
     """The fault with its outcome; None for one with which the module cannot be imported."""
-    by_line = lines.get(fault.file, {})
-    tests = sorted(by_line.get(fault.number) or by_line.get(0) or ())
+    tests = tests_of(fault, data)
     if not tests:
         return replace(fault, outcome="survived")
-    module = (
-        fault.file.removeprefix("python/").removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    )
-    builds, judges = [sys.executable, "-c", f"import {module}"], [sys.executable, "-m", *QUICK, "-x", *tests]
-    python = copies.get()
-    try:
-        return tried(fault, python.parent, builds, judges, cwd=ROOT, env=_environment(python))
-    finally:
-        copies.put(python)
+    file = Path(fault.file).relative_to("python")
+    module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+    with tempfile.TemporaryDirectory() as folder:
+        options = {"cwd": ROOT, "env": linked(Path(folder))}
+        path = Path(folder) / file
+        good = path.read_text(encoding="utf-8")
+        path.unlink()
+        path.write_text(fault.applied(good), encoding="utf-8")
+        if outcome([sys.executable, "-c", f"import {module}"], **options) == "killed":
+            return None
+        return replace(fault, outcome=outcome([*QUICK, "-x", *tests], **options))
 
 
 def sampled(faults: list[Fault], each: int, group: str) -> list[Fault]:
@@ -326,36 +249,23 @@ def sampled(faults: list[Fault], each: int, group: str) -> list[Fault]:
 def all_faults(group: str) -> list[Fault]:
     """Every fault of a group."""
     if group in RUST:
-        return [fault for fault in rust_faults() if fault.group == group]
-    files = [
-        path
-        for room in PYTHON[group]
-        for path in sorted((ROOT / "python" / "bottomlock" / room).rglob("*.py"))
-        if "vendor" not in path.parts
-    ]
+        return rust_faults(group)
+    rooms = [ROOT / "python" / "bottomlock" / room for room in PYTHON[group]]
+    files = [path for room in rooms for path in sorted(room.rglob("*.py")) if "vendor" not in path.parts]
     return [fault for path in files for fault in python_faults(group, path, ROOT)]
 
 
 def judged(group: str, chosen: list[Fault], jobs: int) -> Iterator[Fault]:
     """Those of the chosen faults that build, each with its outcome, in order."""
-    with tempfile.TemporaryDirectory() as folder, Progress(console=Console(stderr=True)) as bar:
+    pool = ThreadPoolExecutor(jobs)
+    with tempfile.TemporaryDirectory() as work:
         if group in RUST:
-            tree = crates_copy(Path(folder))
-            found = judged_rust(chosen, tree)
-            yield from filter(None, bar.track(found, total=len(chosen), description=group))
-            return
-        copies: SimpleQueue[Path] = SimpleQueue()
-        for number in range(jobs):
-            copies.put(package_copy(Path(folder) / str(number)))
-        first = copies.get()
-        lines = tests_by_line(group, first, Path(folder))
-        copies.put(first)
-        judge = partial(judge_python, lines=lines, copies=copies)
-        pool = ThreadPoolExecutor(jobs)
+            found = judged_rust(chosen)
+        else:
+            compileall.compile_dir(ROOT / "python" / "bottomlock", quiet=2)
+            found = pool.map(partial(judge_python, data=covered(group, Path(work))), chosen)
         try:
-            for fault in bar.track(pool.map(judge, chosen), total=len(chosen), description=group):
-                if fault is not None:
-                    yield fault
+            yield from filter(None, track(found, group, len(chosen), console=Console(stderr=True)))
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -380,58 +290,40 @@ def shares(faults: pl.DataFrame) -> pl.DataFrame:
     )  # fmt: skip
 
 
-def judged_before(path: Path | None, groups: Iterable[str]) -> list[Fault]:
-    """The faults of a table, but those of the groups that were judged at another commit, whose sample is another.
+def main(
+    *groups: str, each: int = 60, jobs: int = 2, again: Path | None = None, out: Path | None = None
+) -> None:
+    """Judges a sample of random wrong lines and prints the share that the quick tests see.
 
-    Raises:
-        SystemExit: for a missing file.
+    Args:
+        groups: groups of rooms; all by default.
+        each: faults that build, of each group.
+        jobs: Python faults judged side by side.
+        again: table of an earlier run: the same faults once more.
+        out: Parquet file for the table; it keeps what it holds of other groups.
     """
-    if path is None or not path.is_file():
-        raise SystemExit("--goes-on needs --out with the table of an interrupted run")
-    faults = [Fault(**row) for row in pl.read_parquet(path).iter_rows(named=True)]
-    return [one for one in faults if one.group not in groups or one.commit == head()]
-
-
-def head() -> str:
-    """The commit of the code."""
-    return str(run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout).strip()
-
-
-def write(faults: list[Fault], path: Path) -> None:
-    """Writes the table with the commit of the code and the command."""
-    metadata = {"commit": head(), "command": "python -m tools.mutation_sample"}
-    table(faults).write_parquet(path, metadata=metadata)
-
-
-def main() -> None:
-    """Judges the sample and prints the shares."""
-    parser = argparse.ArgumentParser(description="Share of random wrong lines that the quick tests see.")
-    parser.add_argument("--groups", nargs="*", default=[*RUST, *PYTHON], help="groups of rooms")
-    parser.add_argument("--each", type=int, default=60, help="faults that build, of each group")
-    parser.add_argument("--jobs", type=int, default=2, help="Python faults judged side by side")
-    parser.add_argument("--again", type=Path, help="table of an earlier run: the same faults once more")
-    parser.add_argument("--out", type=Path, help="Parquet file for the table; it grows as faults are judged")
-    parser.add_argument("--goes-on", action="store_true", help="after an interrupt: keep what --out holds")
-    options = parser.parse_args()
-    before = pl.read_parquet(options.again) if options.again else None
-    found = judged_before(options.out, options.groups) if options.goes_on else []
-    for group in options.groups:
+    groups = groups or (*RUST, *PYTHON)
+    before = pl.read_parquet(again) if again else None
+    after = pl.read_parquet(out) if out and out.exists() else table([])
+    after = after.filter(~pl.col("group").is_in(groups))
+    for group in groups:
         faults = all_faults(group)
         if before is None:
             # Of cargo-mutants' faults about a third does not build.
-            done = {one.key for one in found if one.group == group}
-            chosen = [one for one in sampled(faults, 2 * options.each, group) if one.key not in done]
-            limit = max(options.each - len(done), 0)
+            chosen, limit = sampled(faults, 2 * each, group), each
         else:
             rows = before.filter(pl.col("group") == group).select("file", "function", "line", "change").rows()
             first = {fault.key: fault for fault in reversed(faults)}
             chosen, limit = [first[key] for key in dict.fromkeys(rows) if key in first], len(rows)
-        for fault in islice(judged(group, chosen, options.jobs), limit):
-            found.append(replace(fault, commit=head()))
-            if options.out:
-                write(found, options.out)
+        about = origin("python -m tools.mutation_sample")
+        found = list(islice(judged(group, chosen, jobs), limit))
+        for fault in found:
+            if fault.outcome == "survived":
+                print(f"survived: {fault.file}:{fault.number} {fault.change}")
+        after = pl.concat([after, table(found).with_columns(commit=pl.lit(about["commit"]))])
+        if out:
+            after.write_parquet(out, metadata=about)
     pl.Config.set_tbl_rows(-1)
-    after = table(found)
     if before is not None:
         same = ["group", "file", "function", "line", "change"]
         both = before.join(after, on=same, suffix="_after").unique(same, maintain_order=True)
@@ -439,10 +331,7 @@ def main() -> None:
         after = both.drop("outcome").rename({"outcome_after": "outcome"})
         print("after")
     print(shares(after))
-    for fault in found:
-        if fault.outcome == "survived":
-            print(f"survived: {fault.file}:{fault.number} {fault.change}")
 
 
 if __name__ == "__main__":
-    main()
+    cyclopts.run(main)

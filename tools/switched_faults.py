@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
-import signal
 import subprocess
-import threading
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +21,12 @@ pub(crate) fn fault(number: u32) -> bool {{
     *ON.get_or_init(read) == number
 }}
 """
-TEST = ["cargo", "test", "--quiet", "--locked", "--offline", "--release", "--package", "bottomlock", "--lib"]
-"""As `make test` has them."""
+TEST = [
+    "cargo", "test", "--quiet", "--locked", "--offline", "--release", "--package", "bottomlock", "--lib", "--no-run",
+    "--message-format=json",
+]  # fmt: skip
+"""As `make test` has them, but built alone."""
+LIMIT_S = 300.0
 _TOKEN = re.compile(
     rb"""//[^\n]*|/\*.*?\*/|r(\#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?'(?:\\[^\n]+?|[^\\'\n])'|[{}]""", re.DOTALL
 )
@@ -127,86 +128,70 @@ def switched(text: bytes, faults: Mapping[int, Fault]) -> Written:
     return Written(out + text[end:], functions, bodies)
 
 
-def build(
-    tree: Path, faults: Mapping[int, Fault], environment: dict[str, str]
-) -> tuple[Path, set[int], set[int]]:
-    """The tests with every fault that can be switched: the program, the faults in it, and those that do not build.
+def build(tree: Path, faults: Mapping[int, Fault]) -> tuple[Path, set[int]]:
+    """The tests with every fault that builds and can be switched: the program, and the faults in it.
+
+    It is incremental, and without what only a debugger reads.
 
     Raises:
         RuntimeError: where what does not build is not of a fault.
     """
     good = {file: (tree / file).read_bytes() for file in {fault.file for fault in faults.values()}}
     library = tree / "crates/bottomlock/src/lib.rs"
-    whole, left, bad = library.read_bytes(), dict(faults), set[int]()
+    whole, left = library.read_bytes(), dict(faults)
+    quick = {
+        "CARGO_INCREMENTAL": "1",
+        "CARGO_PROFILE_TEST_DEBUG": "false",
+        "CARGO_TARGET_DIR": str(tree / "target"),
+    }
+    while True:
+        files = {
+            file: switched(text, {number: one for number, one in left.items() if one.file == file})
+            for file, text in good.items()
+        }
+        for file, written in files.items():
+            (tree / file).write_bytes(written.text)
+        library.write_bytes(whole + SOURCE.encode())
+        done = subprocess.run(  # noqa: S603
+            TEST, cwd=tree, env=os.environ | quick, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        messages = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+        if done.returncode == 0:
+            (program,) = (one["executable"] for one in messages if one.get("executable"))
+            return Path(program), {number for one in files.values() for number in one.bodies}
+        wrong = blamed(messages, files)
+        if not wrong:
+            raise RuntimeError(f"the tests do not build:\n{done.stderr}")
+        left = {number: one for number, one in left.items() if number not in wrong}
+
+
+def blamed(messages: Iterable[dict[str, Any]], files: Mapping[str, Written]) -> set[int]:
+    """The faults whose bodies hold an error; where none does, those of the functions that do."""
+    places = [
+        (files[span["file_name"]], span["byte_start"])
+        for message in messages
+        if isinstance(found := message.get("message"), dict) and found.get("level") == "error"
+        for span in found["spans"]
+        if span["is_primary"] and span["file_name"] in files
+    ]
+    return {
+        number
+        for written, at in places
+        for number, (first, last) in written.bodies.items()
+        if first <= at < last
+    } or {
+        number
+        for written, at in places
+        for (first, last), numbers in written.functions.items()
+        if first <= at < last
+        for number in numbers
+    }
+
+
+def outcome(tests: Sequence[str | Path], **options: Any) -> str:  # noqa: ANN401 - of `subprocess.run`
+    """What tests make of a fault: "killed", "survived" or "timeout"."""
     try:
-        while True:
-            files = {
-                file: switched(text, {number: one for number, one in left.items() if one.file == file})
-                for file, text in good.items()
-            }
-            for file, written in files.items():
-                (tree / file).write_bytes(written.text)
-            library.write_bytes(whole + SOURCE.encode())
-            done = subprocess.run(  # noqa: S603
-                [*TEST, "--no-run", "--message-format=json"],
-                cwd=tree, env=environment, capture_output=True, text=True, check=False,
-            )  # fmt: skip
-            messages = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
-            if done.returncode == 0:
-                (program,) = (one["executable"] for one in messages if one.get("executable"))
-                kept = tree / "switched"
-                shutil.copy2(program, kept)
-                return kept, {number for written in files.values() for number in written.bodies}, bad
-            wrong, unswitched = blamed(messages, files)
-            if not wrong | unswitched:
-                raise RuntimeError(f"the tests do not build:\n{done.stderr}")
-            bad |= wrong
-            left = {number: one for number, one in left.items() if number not in wrong | unswitched}
-    finally:
-        for file, text in good.items():
-            (tree / file).write_bytes(text)
-        library.write_bytes(whole)
-
-
-def blamed(messages: Iterable[dict[str, Any]], files: dict[str, Written]) -> tuple[set[int], set[int]]:
-    """The faults whose bodies hold an error, and those of a function that has an error elsewhere."""
-    wrong, unswitched = set[int](), set[int]()
-    for message in messages:
-        found = message.get("message")
-        if not isinstance(found, dict) or found.get("level") != "error":
-            continue
-        for span in found["spans"]:
-            written = files.get(span["file_name"])
-            if written is None or not span["is_primary"]:
-                continue
-            at = span["byte_start"]
-            inside = {number for number, (first, last) in written.bodies.items() if first <= at < last}
-            wrong |= inside
-            if not inside:
-                unswitched |= {
-                    number
-                    for (first, last), numbers in written.functions.items()
-                    if first <= at < last
-                    for number in numbers
-                }
-    return wrong, unswitched - wrong
-
-
-def outcome(program: Path, number: int, tree: Path, limit_s: float) -> str:
-    """What the tests make of a fault: "killed", "survived" or "timeout"."""
-    environment = os.environ | {SWITCH: str(number), "CARGO_MANIFEST_DIR": str(tree / "crates/bottomlock")}
-    tests = subprocess.Popen(  # noqa: S603
-        [program], cwd=tree / "crates/bottomlock", env=environment, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL, text=True,
-    )  # fmt: skip
-    stop = threading.Timer(limit_s, tests.kill)
-    stop.start()
-    assert tests.stdout is not None
-    with tests:
-        failed = any(line.endswith("... FAILED\n") for line in tests.stdout)
-        if failed:
-            tests.kill()
-    stop.cancel()
-    if not failed and tests.returncode == -signal.SIGKILL:
+        done = subprocess.run(tests, capture_output=True, check=False, timeout=LIMIT_S, **options)  # noqa: S603
+    except subprocess.TimeoutExpired:
         return "timeout"
-    return "killed" if failed or tests.returncode else "survived"
+    return "killed" if done.returncode else "survived"
