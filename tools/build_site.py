@@ -9,7 +9,6 @@ forge two figures of which the scheme shows one, and the script of each example 
 
 from __future__ import annotations
 
-import argparse
 import ast
 import importlib
 import json
@@ -23,6 +22,7 @@ from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
+import cyclopts
 import polars as pl
 
 from tools import key_reference
@@ -132,9 +132,8 @@ def _table(module: ModuleType, one: ast.stmt, after: ast.stmt) -> Iterator[str]:
                 isinstance(kind, pl.DataType) for kind in columns.values()
             ):
                 rows = [f"| `{column}` | {kind} |" for column, kind in columns.items()]
-                yield "\n".join(
-                    [f"### {name}", "", " ".join(words.split()), "", "| Column | Type |", "|---|---|", *rows]
-                )
+                head = [f"### {name}", "", " ".join(words.split()), "", "| Column | Type |", "|---|---|"]
+                yield "\n".join([*head, *rows])
 
 
 def staged(folder: Path) -> set[Path]:
@@ -168,22 +167,21 @@ def clear(folder: Path, made: set[Path]) -> None:
             path.unlink()
 
 
-def main() -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "site")
-    parser.add_argument("--builder", default="html")
-    asked = parser.parse_args()
+def main(*, out: Path = ROOT / "out" / "site", builder: str = "html") -> int:
+    """Build the documentation site from the pages of docs/ and the scripts of examples/.
+
+    Args:
+        out: Folder of the site.
+        builder: Sphinx's; `linkcheck` tries every link.
+    """
     clear(STAGED, staged(STAGED))
-    links = asked.builder == "linkcheck"
-    command = [sys.executable, "-m", "sphinx", "-b", asked.builder, "--keep-going", "--quiet", "-j", "2"]
+    links = builder == "linkcheck"
+    command = [sys.executable, "-m", "sphinx", "-b", builder, "--keep-going", "--quiet", "-j", "2"]
     command += [] if links else ["--fail-on-warning"]
-    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(asked.out.resolve())]
+    command += ["-d", str(ROOT / "out" / "site-cache"), str(STAGED), str(out.resolve())]
     silent = subprocess.DEVNULL if links else None
     done = subprocess.run(command, check=False, stderr=silent, cwd=ROOT)  # noqa: S603 - our own arguments
-    return broken_links(asked.out / "output.json") if links else done.returncode
+    return broken_links(out / "output.json") if links else done.returncode
 
 
 def broken_links(report: Path) -> int:
@@ -200,4 +198,4 @@ def broken_links(report: Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    cyclopts.run(main)

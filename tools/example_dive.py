@@ -9,12 +9,13 @@ the readings are those of its run 0. The start has errors drawn from what the ca
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import sys
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
+import cyclopts
 import numpy as np
 import polars as pl
 
@@ -125,11 +126,8 @@ def start(reference: pl.DataFrame) -> dict[str, float | list[float]]:
     }
 
 
-def main() -> None:
-    """Writes the folder."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=FOLDER)
-    folder = parser.parse_args().out
+def main(*, folder: Annotated[Path, cyclopts.Parameter("--out")] = FOLDER) -> None:
+    """Writes the simulated dive that ships in data/logs/survey_dive."""
     # The case and the licence are written by hand, and stand in the list where they are.
     by_hand = [name for name in ("LICENSE", "case.toml") if (folder / name).exists()]
     names = sorted([*by_hand, *made(folder, scenario())])
@@ -140,4 +138,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    cyclopts.run(main)

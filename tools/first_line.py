@@ -1,4 +1,4 @@
-"""The first line of a replay, right or wrong: `python -m tools.first_line [--only WORD] [--share N] [--out FILE]`.
+"""The first line of a replay, right or wrong: `python -m tools.first_line [--only WORD] [--out FILE]`.
 
 Every row is what a navigator does first: `replay --init` of files, untouched, then `replay` of the case. The files are
 the open recordings (folder BOTTOMLOCK_RECORDINGS, by default `shared/data` beside the checkout; what is absent is
@@ -26,33 +26,31 @@ name commit and command.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
-import subprocess
-import sys
 import time
 import traceback
 import warnings
 from collections import Counter
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import cyclopts
 import numpy as np
 import polars as pl
 from rich.console import Console
-from rich.table import Table
+from rich.progress import track
 
-import bottomlock
 from bottomlock.errors import BottomlockError
 from bottomlock.files.replay_tables import ReplayTables
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.run import replay_case
+from tools.evidence import origin
 from tools.first_line_rows import Floats, Row, Truth, absent, local, rows
 
 SIGMAS, OF_RECKONED, OF_DISTANCE, COVERED = 2.5, 1.25, 0.005, 0.85
@@ -196,16 +194,14 @@ def _grid(one: Floats, other: Floats) -> Floats:
 
 def run_all(chosen: Iterable[Row], processes: int = 2) -> pl.DataFrame:
     """The table of rows, in their order; one of a name is made again by its name in another process."""
-    names, found = [row.name for row in chosen], {}
+    names = [row.name for row in chosen]
     # A run is one process on one core.
     for variable in ("RAYON_NUM_THREADS", "POLARS_MAX_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(_named, name): name for name in names}
-        for done in as_completed(waiting):
-            found[waiting[done]] = done.result()
-            print(f"{len(found)} of {len(names)}: {waiting[done]}", file=sys.stderr)
-    return pl.DataFrame([found[name] for name in names], schema=SCHEMA)
+        found = pool.map(_named, names)
+        told = track(found, "rows", len(names), console=Console(stderr=True))
+        return pl.DataFrame(list(told), schema=SCHEMA)
 
 
 def _named(name: str) -> dict[str, Any]:
@@ -218,63 +214,40 @@ def counts(table: pl.DataFrame) -> dict[str, int]:
     return {one: of[one] for one in ("right", *WRONG, "unjudged")}
 
 
-def shown(table: pl.DataFrame, console: Console) -> None:
-    """Prints the table and its counts."""
-    drawn = Table("name", "verdict", "track", "error m", "RMS", "sigma", "DR RMS", "way", "outcome", box=None)
-    for row in table.iter_rows(named=True):
-        numbers = (row[one] for one in ("error_m", "rms_m", "sd_m", "reckoned_rms_m", "distance_m"))
-        wrong = row["outcome"] in WRONG
-        drawn.add_row(
-            row["name"], row["verdict"], row["track"], *("" if x is None else f"{x:.3g}" for x in numbers),
-            row["outcome"], style="bold red" if wrong else None,
-        )  # fmt: skip
-    console.print(drawn)
-    console.print(", ".join(f"{name} {count}" for name, count in counts(table).items()), highlight=False)
+def compared(table: pl.DataFrame, before: pl.DataFrame) -> pl.DataFrame:
+    """The rows whose outcome or verdict is another than before."""
+    answers = ["name", "outcome", "verdict", "track"]
+    both = before.select(answers).join(table.select(answers), on="name", suffix="_now")
+    return both.filter(
+        (pl.col("outcome") != pl.col("outcome_now")) | (pl.col("verdict") != pl.col("verdict_now"))
+    )
 
 
-def compared(table: pl.DataFrame, before: pl.DataFrame, console: Console) -> None:
-    """Prints rows whose outcome or verdict is another than before."""
-    both = before.join(table, on="name", suffix="_now")
-    either = (pl.col("outcome") != pl.col("outcome_now")) | (pl.col("verdict") != pl.col("verdict_now"))
-    for row in both.filter(either).iter_rows(named=True):
-        was, now = (
-            f"{row['outcome' + end]} ({row['verdict' + end]} {row['track' + end]})" for end in ("", "_now")
-        )
-        console.print(f"{row['name']}: {was} -> {now}", highlight=False)
+def main(*, only: str = "", out: Path | None = None, against: Path | None = None, processes: int = 2) -> None:
+    """The first line of a replay, right or wrong: runs the rows, prints and writes their table, the wrong ones last.
 
-
-def main() -> None:
-    """Runs the rows, prints and writes their table."""
-    parser = argparse.ArgumentParser(description="The first line of a replay, right or wrong.")
-    parser.add_argument("--only", default="", help="rows with this in their names")
-    parser.add_argument("--share", type=int, default=1, metavar="N", help="every Nth row")
-    parser.add_argument("--out", type=Path, help="file of the table, .parquet or .csv")
-    parser.add_argument("--against", type=Path, help="a table of before: print what has changed")
-    parser.add_argument("--processes", type=int, default=2)
-    given = parser.parse_args()
-    console = Console(width=None if sys.stdout.isatty() else 150)
+    Args:
+        only: Rows with this in their names.
+        out: Parquet file of the table.
+        against: A table of before, to print what has changed.
+        processes: Rows that run side by side.
+    """
     for name in absent():
-        console.print(f"skipped: no recording {name}; BOTTOMLOCK_RECORDINGS names their folder")
-    chosen = [row for row in rows() if given.only in row.name][:: given.share]
+        print(f"skipped: no recording {name}; BOTTOMLOCK_RECORDINGS names their folder")
     began = time.perf_counter()
-    table = run_all(chosen, given.processes)
-    shown(table, console)
-    console.print(f"{table.height} rows in {time.perf_counter() - began:.0f} s")
-    if given.against is not None:
-        compared(table, pl.read_parquet(given.against), console)
-    if given.out is not None and given.out.suffix == ".csv":
-        table.write_csv(given.out)
-    elif given.out is not None:
-        table.write_parquet(given.out, metadata=_origin() | {k: str(v) for k, v in counts(table).items()})
-
-
-def _origin() -> dict[str, str]:
-    """Commit of the package that ran, and the command."""
-    command = ["git", "-C", str(Path(bottomlock.__file__).parent), "rev-parse", "HEAD"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own arguments
-    said = "python -m tools.first_line --out data/evidence/first_line.parquet"
-    return {"commit": commit.stdout.strip(), "command": said}
+    table = run_all((row for row in rows() if only in row.name), processes)
+    numbers = pl.col("error_m", "rms_m", "sd_m", "reckoned_rms_m", "distance_m").round_sig_figs(3)
+    wrong_last = table.sort(pl.col("outcome").is_in(WRONG), maintain_order=True)
+    pl.Config(tbl_rows=-1, tbl_cols=-1, tbl_width_chars=200, fmt_str_lengths=80)
+    print(wrong_last.select("name", "verdict", "track", numbers, "outcome"))
+    print(", ".join(f"{name} {count}" for name, count in counts(table).items()))
+    print(f"{table.height} rows in {time.perf_counter() - began:.0f} s")
+    if against is not None:
+        print(compared(table, pl.read_parquet(against)))
+    if out is not None:
+        said = origin("python -m tools.first_line --out data/evidence/first_line.parquet")
+        table.write_parquet(out, metadata=said | {name: str(count) for name, count in counts(table).items()})
 
 
 if __name__ == "__main__":
-    main()
+    cyclopts.run(main)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
@@ -23,7 +24,6 @@ from tests.replay.akit import LAG_S
 ROOT = Path(__file__).resolve().parent.parent
 Floats = NDArray[np.float64]
 Kind = Literal["recording", "case", "mistake", "right"]
-EPOCH_S = dives.EPOCH_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +74,13 @@ def recordings() -> Path:
 
 def rows() -> list[Row]:
     """Every row whose inputs are here."""
-    found = [*_right(), *_cases(), *_mistakes(), *_shipped()]
-    for folder, make in (
-        ("stpere_ictineu", _stpere), ("akit_snapir", _akit), ("sontek_caputh", _boat), ("glider_pathfinder", _glider),
-        ("bluerov2_a50_bin", _rov),
-    ):  # fmt: skip
-        found += make() if (recordings() / folder).is_dir() else []
-    return found
+    recorded = [row for name, make in RECORDED.items() if name not in absent() for row in make()]
+    return [*_right(), *_cases(), *_mistakes(), *_shipped(), *recorded]
 
 
 def absent() -> list[str]:
     """Recordings that are not here."""
-    names = ("stpere_ictineu", "akit_snapir", "sontek_caputh", "glider_pathfinder", "bluerov2_a50_bin")
-    return [name for name in names if not (recordings() / name).is_dir()]
+    return [name for name in RECORDED if not (recordings() / name).is_dir()]
 
 
 def local(latitude_deg: Floats, longitude_deg: Floats, home: tuple[float, float]) -> tuple[Floats, Floats]:
@@ -251,11 +245,7 @@ def _shipped() -> Iterator[Row]:
 
 def _copied(folder: Path, source: Path, names: str) -> list[Path]:
     """Copies of files, so that a case beside them can be written."""
-    files = []
-    for name in names.split():
-        (folder / name).write_bytes((source / name).read_bytes())
-        files.append(folder / name)
-    return files
+    return [Path(shutil.copy(source / name, folder)) for name in names.split()]
 
 
 @cache
@@ -264,17 +254,6 @@ def _converted(name: Literal["stpere", "glider"]) -> Mapping[str, pl.DataFrame]:
     with TemporaryDirectory() as folder:
         getattr(recorded_dives, name)(recordings(), Path(folder))
         return {path.stem: pl.read_csv(path) for path in Path(folder).glob("*.csv")}
-
-
-def _cut(
-    folder: Path, tables: Mapping[str, pl.DataFrame], names: str, begin_s: float, end_s: float
-) -> list[Path]:
-    """CSV files of a section of tables."""
-    files = []
-    for name in names.split():
-        files.append(folder / f"{name}.csv")
-        tables[name].filter(pl.col("time").is_between(begin_s, end_s)).write_csv(files[-1], float_precision=9)
-    return files
 
 
 def _of_gps(gps: pl.DataFrame, *, absolute: bool, sd_m: float) -> Truth:
@@ -291,13 +270,13 @@ def _tables_of(name: Literal["stpere", "glider"], words: str, begin: float, end:
     """Maker of the row of a section, s from the first DVL record."""
 
     def make(folder: Path) -> tuple[list[Path], Truth]:
-        tables = _converted(name)
-        first = float(tables["dvl"]["time"][0])
-        span = first + begin, first + end
-        truth = _of_gps(
-            tables["gps"].filter(pl.col("time").is_between(*span)), absolute="gps" in words, sd_m=sd_m
-        )
-        return _cut(folder, tables, words, *span), truth
+        first = float(_converted(name)["dvl"]["time"][0])
+        within = pl.col("time").is_between(first + begin, first + end)
+        tables = {one: table.filter(within) for one, table in _converted(name).items()}
+        files = [folder / f"{one}.csv" for one in words.split()]
+        for file in files:
+            tables[file.stem].write_csv(file, float_precision=9)
+        return files, _of_gps(tables["gps"], absolute="gps" in words, sd_m=sd_m)
 
     return make
 
@@ -371,10 +350,9 @@ def _akit_made(section: int, words: str) -> Callable[[Path], tuple[list[Path], T
     def make(folder: Path) -> tuple[list[Path], Truth]:
         source = recordings() / "akit_snapir"
         names = [f"imu_{section:02d}.parquet", f"dvl_{section:02d}.csv", f"gt_{section:02d}.csv"]
-        imu, dvl, nav = (
-            (pl.read_parquet if one.endswith("parquet") else pl.read_csv)(source / one) for one in names
-        )
-        start_s = EPOCH_S if words else 0.0
+        imu = pl.read_parquet(source / names[0])
+        dvl, nav = (pl.read_csv(source / name) for name in names[1:])
+        start_s = dives.EPOCH_S if words else 0.0
         lon, lat, down = nav.to_numpy().T[1], nav.to_numpy().T[2], -nav.to_numpy().T[3]
         home = float(np.rad2deg(lat[0])), float(np.rad2deg(lon[0]))
         place = local(np.rad2deg(lat), np.rad2deg(lon), home)
@@ -404,3 +382,13 @@ def _akit_made(section: int, words: str) -> Callable[[Path], tuple[list[Path], T
         return write(held, folder, words), truth
 
     return make
+
+
+RECORDED: dict[str, Callable[[], Iterator[Row]]] = {
+    "stpere_ictineu": _stpere,
+    "akit_snapir": _akit,
+    "sontek_caputh": _boat,
+    "glider_pathfinder": _glider,
+    "bluerov2_a50_bin": _rov,
+}
+"""What makes the rows of each folder of recordings."""

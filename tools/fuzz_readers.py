@@ -5,19 +5,18 @@ A reader may make a table that keeps what every table promises, or refuse with a
 mutated records get their checksums made right again, so that the fields behind them are reached.
 """
 
-import argparse
 import random
 import re
 import resource
 import signal
 import struct
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
+import cyclopts
 import numpy as np
 
 from bottomlock.encoders import framing
@@ -33,11 +32,7 @@ LIMIT_S = 1.0
 MEMORY_BYTES = 4 << 30
 LONGEST = 8192
 TOLD = 500_000
-OPTIONS = (
-    Options(),
-    Options(instrument_only=True),
-    Options(keep_stale=True, negate_beams=True),
-)
+OPTIONS = (Options(), Options(instrument_only=True), Options(keep_stale=True, negate_beams=True))
 INTERESTING = (
     b"\x00", b"\xff", b"\x7f\x7f", b"\xa5", b"\n", b",", b"*", b"$", b"-", b"nan", b"inf", b"1e999", b"-1", b"+-", b"{",
     b"}", b"[", b'"', b":", b"=", b"wr", b"\x00\x80", b"\xff\x7f", b"\xff\xff\xff\xff", b"9" * 30,
@@ -60,11 +55,9 @@ def mutate(data: bytes, rng: random.Random, others: list[bytes]) -> bytes:
             del work[at : at + rng.randint(1, 40)]
         elif kind == 3:
             work[at:at] = work[at : at + rng.randint(1, 200)]
-        elif kind == 4:
-            work[at:at] = rng.choice(INTERESTING)
-        elif kind == 5:
+        elif kind in {4, 5}:
             chosen = rng.choice(INTERESTING)
-            work[at : at + len(chosen)] = chosen
+            work[at : at + (len(chosen) if kind == 5 else 0)] = chosen
         elif kind == 6:
             other = rng.choice(others)
             start = rng.randrange(len(other) + 1)
@@ -199,17 +192,13 @@ def run(inputs: int, seconds: float, seed: int, found: Path | None) -> tuple[dic
     return counts, faults
 
 
-def main() -> int:
-    """Runs, prints the counts and every kind of finding; exit code 1 where there is one."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--inputs", type=int, default=1_000_000)
-    parser.add_argument("--seconds", type=float, default=3600.0)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--found", type=Path, default=Path("out/fuzz"))
-    chosen = parser.parse_args()
+def main(
+    *, inputs: int = 1_000_000, seconds: float = 3600.0, seed: int = 0, found: Path = Path("out/fuzz")
+) -> int:
+    """Feeds mutated records to every reader of bytes; the exit code is 1 for a finding, written to `--found`."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     start = time.monotonic()
-    counts, faults = run(chosen.inputs, chosen.seconds, chosen.seed, chosen.found)
+    counts, faults = run(inputs, seconds, seed, found)
     spent = time.monotonic() - start
     for name, count in counts.items():
         print(f"{name:20} {count:>10}")
@@ -222,4 +211,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    cyclopts.run(main)

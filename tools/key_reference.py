@@ -70,7 +70,8 @@ def _page(kind: Kind) -> str:
 
 def heading(section: KeySection) -> str:
     """The heading of a section, which names the kind where the keys depend on it."""
-    return f"{_name(section)} {section.left_out}" if section.left_out.startswith("for ") else _name(section)
+    name = f"`{section.title}`" if section.path else "The top of the file"
+    return f"{name} {section.left_out}" if section.left_out.startswith("for ") else name
 
 
 def anchors(sections: list[KeySection]) -> list[str]:
@@ -83,10 +84,6 @@ def anchors(sections: list[KeySection]) -> list[str]:
         counts[plain] = number + 1
         found.append(f"{plain}-{number}" if number else plain)
     return found
-
-
-def _name(section: KeySection) -> str:
-    return f"`{section.title}`" if section.path else "The top of the file"
 
 
 def _sentence(section: KeySection) -> str:

@@ -10,7 +10,6 @@ than 6 sigma off, no descriptor or task left, and memory that grows by at most 1
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import heapq
 import json
@@ -23,10 +22,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cyclopts
 import numpy as np
 
 from bottomlock.cli.live import serve_page
 from bottomlock.errors import DataError
+from bottomlock.files.atomic_write import write_text
 from bottomlock.live.loop import cancel
 from bottomlock.live.runner import Live, begin, host_clock
 from bottomlock.ports.estimate import SILENT
@@ -95,12 +96,11 @@ class _Soak:
     words: Counter[str] = field(default_factory=Counter)
     memory: list[float] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
-    page: str = ""
     told_page: asyncio.Event = field(default_factory=asyncio.Event)
+    page_port: int = field(default_factory=lambda: free_port(socket.SOCK_STREAM))
 
     def _say(self, words: str) -> None:
-        if words.startswith("health page "):
-            self.page = words.removeprefix("health page ")
+        if "health page" in words:
             self.told_page.set()
         self.words[words.partition(":")[0].partition("/")[0]] += 1
 
@@ -115,9 +115,8 @@ class _Soak:
         imu, _ = await loop.create_datagram_endpoint(asyncio.DatagramProtocol, remote_addr=imu_at)
         live = self._live(server.sockets[0].getsockname()[1], imu_at[1], hearing)
         tasks = [loop.create_task(one) for one in (live.run(), serve_page(live, self._say))]
-        # The page's address is looked up beside the loop, whose time may run ahead of it.
-        told = loop.create_task(self.told_page.wait())
-        await asyncio.wait({tasks[-1], told}, return_when="FIRST_COMPLETED")
+        # The page begins beside the loop, whose time may run ahead of it.
+        await self.told_page.wait()
         tasks += [loop.create_task(one) for one in (self._samples(), self._reader())]
         await self._play(clients, imu)
         self.faults += [f"a task ended: {task!r}" for task in tasks if task.done()]
@@ -141,7 +140,7 @@ class _Soak:
             imu=f"udpin:127.0.0.1:{imu_port}",
             to=f"udpout:127.0.0.1:{hearing.get_extra_info('sockname')[1]}",
             extra=f'[log]\nfolder = "{self.folder}/log"\n[checkpoint]\nfile = "{self.folder}/checkpoint"\n'
-            "[health]\nport = 0\n",
+            f"[health]\nport = {self.page_port}\n",
         )
         loop = asyncio.get_running_loop()
         begin_s = loop.time()
@@ -177,8 +176,7 @@ class _Soak:
 
     async def _reader(self) -> None:
         """Someone who has the health page open."""
-        port = int(self.page.rstrip("/").rpartition(":")[2])
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        reader, writer = await asyncio.open_connection("127.0.0.1", self.page_port)
         try:
             writer.write(b"GET /events HTTP/1.1\r\n\r\n")
             while await reader.read(1 << 16):
@@ -215,22 +213,17 @@ def live_soak(hours: float, *, seed: int = 1, real_time: bool = False) -> dict[s
     }  # fmt: skip
 
 
-def main() -> int:
-    """The command line; the exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--hours", type=float, default=1.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--real-time", action="store_true")
-    parser.add_argument("--out", type=Path, default=Path("out/live_soak.json"))
-    chosen = parser.parse_args()
-    if not chosen.hours > 0.0:
-        raise DataError(f"--hours is {chosen.hours:g}, expected above 0")
-    result = live_soak(chosen.hours, seed=chosen.seed, real_time=chosen.real_time)
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+def main(
+    *, hours: float = 1.0, seed: int = 1, real_time: bool = False, out: Path = Path("out/live_soak.json")
+) -> int:
+    """An hour of `bottomlock live` through sockets, with what an hour brings; the exit code is 1 for a fault."""
+    if not hours > 0.0:
+        raise DataError(f"--hours is {hours:g}, expected above 0")
+    result = live_soak(hours, seed=seed, real_time=real_time)
+    write_text(out, json.dumps(result, indent=2) + "\n")
     print(json.dumps(result, indent=2))
     return 1 if result["faults"] else 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    cyclopts.run(main)

@@ -49,27 +49,16 @@ def a50_report(step: int, *, version: str = "json_v1", lost: Sequence[int] = (),
     """One line of the TCP stream; every report differs from the one before."""
     transducers = [
         {
-            "id": k,
-            "velocity": 0.0 if k in lost else 0.1 * k + 0.001 * step,
-            "distance": -1.0 if k in lost else 2.0 + 0.1 * k,
-            "rssi": -30.0 - k,
-            "nsd": -90.0,
+            "id": k, "velocity": 0.0 if k in lost else 0.1 * k + 0.001 * step,
+            "distance": -1.0 if k in lost else 2.0 + 0.1 * k, "rssi": -30.0 - k, "nsd": -90.0,
             "beam_valid": k not in lost,
         }
         for k in range(4)
-    ]
+    ]  # fmt: skip
     report: dict[str, object] = {
-        "time": 100.0,
-        "vx": 0.5,
-        "vy": -0.25,
-        "vz": 0.125,
-        "fom": 0.002,
-        "altitude": 1.8,
-        "transducers": transducers,
-        "velocity_valid": len(lost) < 2,
-        "status": 0,
-        "format": version,
-    }
+        "time": 100.0, "vx": 0.5, "vy": -0.25, "vz": 0.125, "fom": 0.002, "altitude": 1.8, "transducers": transducers,
+        "velocity_valid": len(lost) < 2, "status": 0, "format": version,
+    }  # fmt: skip
     if version != "json_v1":
         report["type"] = "velocity"
     if version.startswith("json_v3"):
@@ -151,13 +140,10 @@ def df21(
     """A DVL's bottom-track record: 10 s after midnight on 1 May 2021 and `step` seconds."""
     clock = bytes([121, 4, 1, 0, 0, 10 + step])
     head = struct.pack("<BBI6sHHII3f", 1, 36, 4711, clock, 2500, 4, 0, status, 1500.0, 12.0, 1.5)
-    beams = [*velocity, 10.0, 10.1, 10.2, 10.3, 0.01, 0.02, 0.03, 0.04]
-    beams += [0.013] * 4 + [-0.04] * 4 + [0.002] * 4
-    return (
-        head
-        + struct.pack("<24f", *beams)
-        + struct.pack("<20f", *axes, 0.011, 0.012, 0.013, 0.014, *[0.01] * 12)
-    )
+    numbers = [*velocity, 10.0, 10.1, 10.2, 10.3, 0.01, 0.02, 0.03, 0.04]
+    numbers += [0.013] * 4 + [-0.04] * 4 + [0.002] * 4
+    numbers += [*axes, 0.011, 0.012, 0.013, 0.014, *[0.01] * 12]
+    return head + struct.pack("<44f", *numbers)
 
 
 def df20(step: int = 0, *, valid: bool = True, velocity: Sequence[int] = (100, -100, 50, -50)) -> bytes:
@@ -261,17 +247,7 @@ def wayfinder(
 
 def pnorbt(beam: int, *, tagged: bool, velocity: float = 0.25, second: float = 35.3341) -> bytes:
     """A Nortek beam line, plain or tagged."""
-    values = (
-        str(beam),
-        "040721",
-        f"1313{second:07.4f}",
-        "23.961",
-        "-48.122",
-        f"{velocity:.5f}",
-        "0.01",
-        "5.0",
-        "0x1F",
-    )
+    values = f"{beam},040721,1313{second:07.4f},23.961,-48.122,{velocity:.5f},0.01,5.0,0x1F".split(",")
     tags = ("BEAM", "DATE", "TIME", "DT1", "DT2", "BV", "FOM", "DIST", "STAT")
     fields = [f"{tag}={value}" for tag, value in zip(tags, values, strict=True)] if tagged else values
     return nmea(f"PNORBT{int(tagged)},{','.join(fields)}".encode())

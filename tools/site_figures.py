@@ -9,11 +9,10 @@ claims, beside those of `tc` (the same two beams) and `lc` (all four), on three 
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
+import cyclopts
 import matplotlib as mpl
 import numpy as np
 import polars as pl
@@ -27,9 +26,6 @@ from bottomlock.files.atomic_write import write_text
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "figures"
 LEGS = ("straight, still water", "straight, 0.3 m/s across", "figure of eight, still water")
 SECONDS = 200.0
-SHOWN = ("nsv", "tc", "sway_current", "lc")
-"""Methods of the figure in the README."""
-
 DARK = {INK: "#e6edf3", FAINT: "#7d8590"}
 """Ink of the dark scheme; the paper is that of the page in both."""
 WORDS = {
@@ -38,6 +34,7 @@ WORDS = {
     "sway_current": "sway_current",
     "lc": "all four beams",
 }
+"""Methods of the figure in the README."""
 _STYLE: Any = STYLE | {
     "svg.fonttype": "none", "font.family": "sans-serif", "figure.facecolor": "none", "savefig.facecolor": "none",
 }  # fmt: skip
@@ -96,7 +93,7 @@ def first_figure(table: pl.DataFrame) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     for axes, leg in zip(panels, LEGS[:2], strict=True):
         of_leg = table.filter(pl.col("leg") == leg)
-        for method in SHOWN:
+        for method in WORDS:
             dash = (0, (1, 1.4)) if method == "lc" else "-"
             colour = FAINT if method == "lc" else stroke(method).colour
             _curve(axes, of_leg, method, "error_mps", color=colour, linewidth=2.0, linestyle=dash)
@@ -110,9 +107,9 @@ def first_figure(table: pl.DataFrame) -> Figure:
 def _names(axes: Axes, table: pl.DataFrame) -> None:
     """Names at the ends of the lines, parted where they would meet."""
     last = table.filter(pl.col("time_s") == pl.col("time_s").max())
-    ends = {method: last.filter(pl.col("method") == method)["error_mps"].item() for method in SHOWN}
+    ends = {method: last.filter(pl.col("method") == method)["error_mps"].item() for method in WORDS}
     height = -np.inf
-    for method in sorted(SHOWN, key=lambda name: ends[name]):
+    for method in sorted(WORDS, key=lambda name: ends[name]):
         height = max(np.log10(ends[method]), height + 0.2)
         colour = FAINT if method == "lc" else stroke(method).colour
         place: Any = {"xycoords": ("axes fraction", "data"), "va": "center"}
@@ -127,27 +124,20 @@ def svg(figure: Figure, *, dark: bool = False) -> str:
     return text
 
 
-def main() -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--out", type=Path, default=FOLDER)
-    asked = parser.parse_args()
-    table = flown(asked.runs)
-    asked.out.mkdir(parents=True, exist_ok=True)
+def main(*, runs: int = 40, out: Path = FOLDER) -> None:
+    """Draw the figures of README and of the pages of the methods, from campaigns that this script runs."""
+    table = flown(runs)
+    out.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context(_STYLE):
         figures = {"two_beams": first_figure(table)}
         figures |= {f"method_{method}": method_figure(table, method) for method in bottomlock.METHODS}
         for name, figure in figures.items():
-            write_text(asked.out / f"{name}_light.svg", svg(figure))
-            write_text(asked.out / f"{name}_dark.svg", svg(figure, dark=True))
+            write_text(out / f"{name}_light.svg", svg(figure))
+            write_text(out / f"{name}_dark.svg", svg(figure, dark=True))
     last = table.filter(pl.col("time_s") == pl.col("time_s").max())
     with pl.Config(tbl_rows=-1):
         print(last.select("leg", "method", pl.col("error_mps", "claimed_mps").round(4)))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    cyclopts.run(main)

@@ -9,23 +9,20 @@ and a simulated DVL that has lost two beams. Chromium draws them.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
-import re
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from http.client import HTTPConnection
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import cyclopts
 from PIL import Image, ImageChops
 
 from bottomlock.files.atomic_write import write_bytes
@@ -47,56 +44,28 @@ mode = "velocity"
 dvl = {{ geometry = "x_janus_20", beam_noise_mps = 0.042 }}
 source = [{{ name = "dvl", address = "tcp:127.0.0.1:{dvl}", format = "waterlinked-json", rate_hz = 1 }}]
 health = {{ port = {page} }}
-
-[[port]]
-port = "microstrain"
-to = "udpout:127.0.0.1:{free}"
-
-[[port]]
-port = "sentence"
-to = "udpout:127.0.0.1:{free}"
-
-[[port]]
-port = "odometry"
-to = "udpout:127.0.0.1:{free}"
-settings.receiver = "px4"
-
-[[port]]
-port = "waterlinked_json"
-to = "udpout:127.0.0.1:{free}"
+port = [
+  {{ port = "microstrain", to = "udpout:127.0.0.1:{free}" }},
+  {{ port = "sentence", to = "udpout:127.0.0.1:{free}" }},
+  {{ port = "odometry", to = "udpout:127.0.0.1:{free}", settings = {{ receiver = "px4" }} }},
+  {{ port = "waterlinked_json", to = "udpout:127.0.0.1:{free}" }},
+]
 """
 """Four receivers of a DVL with two beams and no IMU."""
 
 
-@dataclass(frozen=True)
-class Shot:
-    """A page, and how much of it is shown.
-
-    Attributes:
-        page: gives the address of the page, made in a folder, while it stands.
-        width_px: of the window.
-        height_px: of the window; what is empty below is cut off.
-    """
-
-    page: Pages
-    width_px: int
-    height_px: int
-
-
-def command(*words: str) -> list[str]:
-    """A command of bottomlock by this Python."""
-    return [sys.executable, "-m", "bottomlock", *words]
+BOTTOMLOCK = [sys.executable, "-m", "bottomlock"]
 
 
 def run(folder: Path, *words: str) -> None:
     """Runs a command of bottomlock in a folder."""
-    subprocess.run(command(*words), check=True, cwd=folder, stdout=subprocess.DEVNULL)  # noqa: S603 - our own arguments
+    subprocess.run([*BOTTOMLOCK, *words], check=True, cwd=folder, stdout=subprocess.DEVNULL)  # noqa: S603 - our own arguments
 
 
 @contextlib.contextmanager
 def running(*words: str) -> Iterator[None]:
     """A command of bottomlock that runs meanwhile."""
-    process = subprocess.Popen(command(*words), stdout=subprocess.DEVNULL)  # noqa: S603 - ours
+    process = subprocess.Popen([*BOTTOMLOCK, *words], stdout=subprocess.DEVNULL)  # noqa: S603 - ours
     try:
         yield
     finally:
@@ -104,24 +73,20 @@ def running(*words: str) -> Iterator[None]:
         process.wait()
 
 
-def wait_for(page: str, ready: Callable[[dict[str, Any]], bool], within_s: float = 60.0) -> None:
-    """Waits until the state behind a health page is as it is wanted.
+def wait_for(port: int, ready: Callable[[dict[str, Any]], bool], within_s: float = 60.0) -> str:
+    """Waits until the state behind a health page is as it is wanted; the address of the page.
 
     Raises:
         TimeoutError: where it does not become so.
     """
     ends = time.monotonic() + within_s
     while time.monotonic() < ends:
-        with contextlib.suppress(OSError):
-            try:
-                answer = urllib.request.urlopen(f"{page}health", timeout=2.0)  # noqa: S310 - on this machine
-            except urllib.error.HTTPError as unavailable:
-                answer = unavailable
-            with answer:
-                if ready(json.load(answer)):
-                    return
+        with contextlib.suppress(OSError), contextlib.closing(HTTPConnection("127.0.0.1", port, 2.0)) as page:
+            page.request("GET", "/health")
+            if ready(json.load(page.getresponse())):
+                return f"http://127.0.0.1:{port}/"
         time.sleep(0.2)
-    raise TimeoutError(f"{page} is not as it is wanted after {within_s:g} s")
+    raise TimeoutError(f"the page of port {port} is not as it is wanted after {within_s:g} s")
 
 
 @contextlib.contextmanager
@@ -144,45 +109,41 @@ def navigating(_: Path) -> Iterator[str]:
     """The health page of a navigation that has lost two beams."""
     port = free_port(socket.SOCK_STREAM)
     with running("live-demo", "--seconds", "60", "--page-port", str(port)):
-        page = f"http://127.0.0.1:{port}/"
-        wait_for(page, lambda health: [one["used"] for one in health["beams"]] == [True, True, False, False])
-        yield page
+        yield wait_for(
+            port, lambda health: [one["used"] for one in health["beams"]] == [True, True, False, False]
+        )
 
 
 @contextlib.contextmanager
 def sending(folder: Path) -> Iterator[str]:
     """The health page of four receivers, of which two get what two beams determine."""
-    dvl, page, free = (
-        free_port(kind) for kind in (socket.SOCK_STREAM, socket.SOCK_STREAM, socket.SOCK_DGRAM)
-    )
-    places = {"dvl": dvl, "page": page, "free": free}
+    dvl, page = (free_port(socket.SOCK_STREAM) for _ in range(2))
     configuration = folder / "ports.toml"
-    configuration.write_text(PORTS.format(**places), encoding="utf-8")
+    places = PORTS.format(dvl=dvl, page=page, free=free_port(socket.SOCK_DGRAM))
+    configuration.write_text(places, encoding="utf-8")
     run(folder, "list", "scenarios", "--copy", "straight", "--out", "two_beams.toml")
-    scenario = (folder / "two_beams.toml").read_text(encoding="utf-8")
-    lost = "[[dvl.outages]]\nbeams = [3, 4]\nfrom_s = 5.0\nto_s = 250.0\n"
-    (folder / "two_beams.toml").write_text(
-        re.sub(r"^beams_lost = .*\n", "", scenario, flags=re.MULTILINE) + lost
-    )
-    source = (str(folder / "two_beams.toml"), "--dvl", f"tcpin:127.0.0.1:{places['dvl']}")
-    with running("simulate-dvl", *source), running("live", str(configuration)):
-        address = f"http://127.0.0.1:{places['page']}/"
-        wait_for(address, lambda health: health["state"] == "PARTIAL" and health["ports"][0]["sent"] > 10)
-        yield address
+    scenario = folder / "two_beams.toml"
+    lost = "\n[[dvl.outages]]\nbeams = [3, 4]\nfrom_s = 5.0\nto_s = 250.0\n"
+    whole = scenario.read_text(encoding="utf-8").replace("beams_lost = [3, 4]", "")
+    scenario.write_text(whole + lost, encoding="utf-8")
+    source = ("simulate-dvl", str(scenario), "--dvl", f"tcpin:127.0.0.1:{dvl}")
+    with running(*source), running("live", str(configuration)):
+        yield wait_for(page, lambda health: health["state"] == "PARTIAL" and health["ports"][0]["sent"] > 10)
 
 
-SHOTS = {
-    "replay": Shot(replayed, 1200, 1450),
-    "audit": Shot(audited, 1000, 670),
-    "live": Shot(navigating, 820, 1100),
-    "ports": Shot(sending, 820, 1100),
+SHOTS: dict[str, tuple[Pages, int, int]] = {
+    "replay": (replayed, 1200, 1450),
+    "audit": (audited, 1000, 670),
+    "live": (navigating, 820, 1100),
+    "ports": (sending, 820, 1100),
 }
+"""What gives the address of a page, made in a folder, while it stands; width and height of the window, CSS pixels."""
 
 
-def taken(page: str, shot: Shot, *, dark: bool) -> Image.Image:
+def taken(page: str, width: int, height: int, *, dark: bool) -> Image.Image:
     """The page as the browser draws it, without what is empty at its end."""
     with Browser() as browser:
-        browser.size(shot.width_px, shot.height_px)
+        browser.size(width, height)
         browser.media(dark=dark)
         browser.open(page)
         time.sleep(DRAWN_S)
@@ -201,26 +162,16 @@ def png(image: Image.Image) -> bytes:
     return buffer.getvalue()
 
 
-def main() -> int:
-    """The command."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SHOTS)}; all by default")
-    parser.add_argument("--out", type=Path, default=FOLDER)
-    asked = parser.parse_args()
-    unknown = [name for name in asked.names if name not in SHOTS]
-    if unknown:
-        parser.error(f"{unknown[0]}: no page; there are {', '.join(SHOTS)}")
-    for name in asked.names or SHOTS:
-        shot = SHOTS[name]
-        with tempfile.TemporaryDirectory() as folder, shot.page(Path(folder)) as page:
+def main(*names: Literal["replay", "audit", "live", "ports"], out: Path = FOLDER) -> None:
+    """Take the pictures of real pages that the documentation shows: those named, or all."""
+    for name in names or SHOTS:
+        made, width, height = SHOTS[name]
+        with tempfile.TemporaryDirectory() as folder, made(Path(folder)) as page:
             for scheme in ("light", "dark"):
-                data = png(taken(page, shot, dark=scheme == "dark"))
-                write_bytes(asked.out / f"page_{name}_{scheme}.png", data)
+                data = png(taken(page, width, height, dark=scheme == "dark"))
+                write_bytes(out / f"page_{name}_{scheme}.png", data)
                 print(f"page_{name}_{scheme}.png: {len(data) / 1000:.0f} kB", flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    cyclopts.run(main)
