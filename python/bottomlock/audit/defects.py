@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 from scipy.stats import poisson
 
 from bottomlock.audit.findings import SIGNIFICANCE, Told, finding
@@ -88,16 +89,6 @@ def _first(flags: Flags) -> int:
     return int(np.argmax(flags))
 
 
-def runs_of(flags: Flags) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First rows and lengths of the runs of True in flags (n,).
-
-    >>> [one.tolist() for one in runs_of(np.array([True, False, True, True]))]
-    [[0, 2], [1, 2]]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return edges[::2], edges[1::2] - edges[::2]
-
-
 def stale(log: BeamLog) -> Iterator[Finding]:
     """Whole pings that repeat unchanged, more often than readings of this resolution coincide by chance."""
     same, y = log.unchanged, log.velocity_mps
@@ -110,8 +101,8 @@ def stale(log: BeamLog) -> Iterator[Finding]:
     count, pairs = int(same.sum()), int(both.any(axis=1).sum())
     chance, part = pairs * float(np.prod(np.sort(alone)[: max(2, log.beams - 1)])), count / max(pairs, 1)
     if poisson.sf(count - 1, chance + 1e-9) <= SIGNIFICANCE:
-        first, lengths = runs_of(same)
-        told: Told = {"chance": chance, "row": first[0], "longest": lengths.max()}
+        longest = np.bincount(label(same)[0])[1:].max()
+        told: Told = {"chance": chance, "row": _first(same), "longest": longest}
         yield finding("stale_pings", count, part, severity="fault" if part > 0.01 else "warning", **told)
 
 
@@ -125,9 +116,13 @@ def stuck(log: BeamLog) -> Iterator[Finding]:
     for k in range(log.beams if log.beams > 1 else 0):
         rows = np.flatnonzero(valid[:, k] & ~log.unchanged)
         equal = np.diff(y[rows, k]) == 0.0
-        first, lengths = runs_of(equal)
-        best = int(np.argmax(lengths)) if lengths.size else 0
-        runs.append((int(lengths[best]) + 1, int(rows[first[best]])) if lengths.size else (0, 0))
+        run = label(equal)[0]
+        lengths = np.bincount(run, minlength=2)[1:]
+        runs.append(
+            (int(lengths.max()) + 1, int(rows[_first(run == lengths.argmax() + 1)]))
+            if equal.any()
+            else (0, 0)
+        )
         # Both ends of the readings count as a change.
         chance.append(float(equal.sum() / (equal.size + 2)) if rows.size else 0.0)
     for k, (length, row) in enumerate(runs):

@@ -19,7 +19,7 @@ from bottomlock.campaign.closed_loop import run_closed_loop
 from bottomlock.config.scenario import Scenario
 from bottomlock.dead_reckoning.sensors import Sensors, reckon
 from bottomlock.files.columns import BIASES, CHOICES, OUTCOMES, SAMPLES
-from bottomlock.kernel import NO_CHOICE, SOURCES
+from bottomlock.kernel import SOURCES
 from bottomlock.kernel.models import InitialState, Model, Options
 from bottomlock.own_method import DEAD_RECKONING
 from bottomlock.recordings.streams import Attitudes, Depths
@@ -34,27 +34,17 @@ def choice_counts(
     choice: NDArray[np.uint8], *, trajectory: str, methods: Sequence[str], dvl_time_ns: NDArray[np.int64]
 ) -> pl.DataFrame:
     """Counts of a batch's choices (runs, methods, pings, 3), `files.columns.CHOICES`."""
-    times, counts = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    keys: list[tuple[str, str, str]] = []
-    for number, method in enumerate(methods):
-        codes = choice[:, number]
-        if not codes.size or (codes[..., 0] == NO_CHOICE).all():
-            continue
-        for k, name in enumerate(_AXES):
-            for code, source in enumerate(SOURCES):
-                count = (codes[..., k] == code).sum(axis=0)
-                seen = np.flatnonzero(count)
-                times.append(dvl_time_ns[seen])
-                counts.append(count[seen])
-                keys += [(method, name, source)] * len(seen)
-    of_method, components, sources = zip(*keys, strict=True) if keys else ((), (), ())
+    counts = np.stack([(choice == code).sum(axis=0) for code in range(len(SOURCES))])
+    # By method, component, source and ping.
+    counts = counts.transpose(1, 3, 0, 2)
+    method, component, source, ping = np.nonzero(counts)
     columns = {
-        "trajectory": [trajectory] * len(keys),
-        "method": of_method,
-        "time_ns": np.concatenate(times),
-        "component": components,
-        "source": sources,
-        "runs_chosen": np.concatenate(counts),
+        "trajectory": [trajectory] * len(ping),
+        "method": [methods[k] for k in method.tolist()],
+        "time_ns": dvl_time_ns[ping],
+        "component": [_AXES[k] for k in component.tolist()],
+        "source": [SOURCES[k] for k in source.tolist()],
+        "runs_chosen": counts[method, component, source, ping],
     }
     return pl.DataFrame(columns, schema_overrides=dict(CHOICES)).select(list(CHOICES))
 

@@ -4,7 +4,7 @@ Runs without a cause have the same sensor errors and last as long as the drift, 
 campaign.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -97,7 +97,11 @@ def run_sweep(
         )
         return _rows(setting.parameter, value, results.summary)
 
-    return pl.concat([part(*cell) for cell in _cells()])
+    return pl.concat(
+        part(f"{number}-{value}", setting, value)
+        for number, setting in enumerate(SETTINGS, start=1)
+        for value in setting.values
+    )
 
 
 def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataFrame:
@@ -111,13 +115,7 @@ def _rows(parameter: str, value: float | str, summary: pl.DataFrame) -> pl.DataF
 
 def sweep_cells() -> int:
     """Number of values of a sweep."""
-    return sum(1 for _ in _cells())
-
-
-def _cells() -> Iterator[tuple[str, Setting, float | str]]:
-    for number, setting in enumerate(SETTINGS, start=1):
-        for value in setting.values:
-            yield f"{number}-{value}", setting, value
+    return sum(len(setting.values) for setting in SETTINGS)
 
 
 CHANGES = {"dive": {"dive_rate_mps": 0.0}}
