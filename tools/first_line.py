@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import time
 import traceback
 import warnings
@@ -42,8 +43,6 @@ from typing import Any
 import cyclopts
 import numpy as np
 import polars as pl
-from rich.console import Console
-from rich.progress import track
 
 from bottomlock.errors import BottomlockError
 from bottomlock.files.replay_tables import ReplayTables
@@ -199,9 +198,11 @@ def run_all(chosen: Iterable[Row], processes: int = 2) -> pl.DataFrame:
     for variable in ("RAYON_NUM_THREADS", "POLARS_MAX_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        found = pool.map(_named, names)
-        told = track(found, "rows", len(names), console=Console(stderr=True))
-        return pl.DataFrame(list(told), schema=SCHEMA)
+        found = []
+        for row in pool.map(_named, names):
+            found.append(row)
+            print(f"{len(found)} of {len(names)}: {row['name']}", file=sys.stderr)
+    return pl.DataFrame(found, schema=SCHEMA)
 
 
 def _named(name: str) -> dict[str, Any]:
