@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use crate::error::NavError;
 
 /// Number of the format; a change of anything that is saved raises it (the test in `navigator/saved_tests.rs` notices).
-pub(crate) const FORMAT: u16 = 29;
+pub(crate) const FORMAT: u16 = 30;
 
 const FORMAT_AT: usize = 8;
 const DIGEST_AT: usize = FORMAT_AT + 2;

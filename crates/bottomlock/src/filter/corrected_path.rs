@@ -1,13 +1,14 @@
 //! A position fix at the corrected path, once or, where the yaw still moves, up to four times.
 //!
 //! Since the position was last known the estimate has gone the way p̂ and the error besides it the way s = ∫R̂ δv dt. With a
-//! misalignment that is nearly constant the true end is Exp(ρ) (p̂ + s), and the linear model has δr = ρ × p̂ + s. Hence
+//! misalignment that is nearly constant the true end is Exp(ρ) (p̂ + s), and the linear model has ρ × p̂ + s. This is the part γ of
+//! δr (`Eskf::share_of_way`); what the position's error was before does not turn. Hence
 //!
 //! ```text
-//! r − r̂ = Exp(ρ) (p̂ + δr − ρ × p̂) − p̂.
+//! r − r̂ = (1 − γ) δr + Exp(ρ) (p̂ + γ δr − ρ × p̂) − p̂.
 //! ```
 //!
-//! The first time this is taken as δr + B ρ with B = −[δr̂×] (docs/linear_range.md), which is enough for small angles. Where the
+//! The first time this is taken as δr + B ρ with B = −[γ δr̂×] (docs/linear_range.md), which is enough for small angles. Where the
 //! correction of the yaw moves by it, it is linearised again at the estimate that it gives, A δr + B ρ + c: Gauss and Newton's
 //! method (Bell & Cathey 1993). A fix that does not move the yaw has the bits of the first time.
 //!
@@ -59,7 +60,8 @@ impl Eskf {
         let Some(mut before) = self.explained_by(innovation) else {
             return;
         };
-        *innovation = along(&at_estimate, self.first_path(&before.error));
+        let share = self.share_of_way(&self.covariance);
+        *innovation = along(&at_estimate, self.first_path(&before.error, share));
         for _ in 1..LINEARISATIONS {
             let Some(after) = self.explained_by(innovation) else {
                 return;
@@ -70,29 +72,29 @@ impl Eskf {
             if !(moves && is_plausible) {
                 return;
             }
-            *innovation = along(&at_estimate, self.path_at(&after.error));
+            *innovation = along(&at_estimate, self.path_at(&after.error, share));
             before = after;
         }
     }
 
     /// Moves an error state to the path that an update of anything else has corrected, where the misalignment that is left moves it
     /// far, or the sea curves away below it.
-    pub(super) fn follow_corrected_path(&mut self, error: &mut ErrorVector) {
-        if self.is_path_moved_far(error) || self.is_sea_curved(error) {
-            let path = self.path_at(error);
+    pub(super) fn follow_corrected_path(&mut self, error: &mut ErrorVector, share_of_way: f64) {
+        if self.is_path_moved_far(error, share_of_way) || self.is_sea_curved(error) {
+            let path = self.path_at(error, share_of_way);
             self.move_to_corrected_path(&path, error);
         }
     }
 
-    fn is_path_moved_far(&self, correction: &ErrorVector) -> bool {
+    fn is_path_moved_far(&self, correction: &ErrorVector, share_of_way: f64) -> bool {
         let variances = self.covariance.diagonal();
         let [position, misalignment] = [POSITION, ATTITUDE].map(|block| variances.fixed_rows::<3>(block));
-        let moved_m2 = correction.fixed_rows::<3>(POSITION).norm_squared();
+        let moved_m2 = (correction.fixed_rows::<3>(POSITION) * share_of_way).norm_squared();
         let far = PATH_MOVES * PATH_MOVES;
         if moved_m2 * misalignment.sum() <= far * position.min() {
             return false;
         }
-        let by_misalignment = self.path_by_misalignment(correction);
+        let by_misalignment = self.path_by_misalignment(correction, share_of_way);
         let misalignment = self.covariance.fixed_view::<3, 3>(ATTITUDE, ATTITUDE);
         let moves = (by_misalignment * misalignment * by_misalignment.transpose()).diagonal();
         (0..3).any(|k| moves[k] > far * position[k])
@@ -122,9 +124,9 @@ impl Eskf {
         self.extensions.move_to_corrected_path(path);
     }
 
-    /// B = −[δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
-    fn path_by_misalignment(&self, correction: &ErrorVector) -> Matrix3<f64> {
-        let mut block = -skew(&correction.fixed_rows::<3>(POSITION).into_owned());
+    /// B = −[γ δr̂×]; a depth since the last position has moved its own axis already, so that only the way since then counts.
+    fn path_by_misalignment(&self, correction: &ErrorVector, share_of_way: f64) -> Matrix3<f64> {
+        let mut block = -skew(&(correction.fixed_rows::<3>(POSITION) * share_of_way));
         if self.measured.has_depth_alone() {
             block.set_row(2, &self.heave_by_misalignment(correction));
         }
@@ -138,10 +140,10 @@ impl Eskf {
     }
 
     /// r − r̂ for small angles.
-    fn first_path(&self, correction: &ErrorVector) -> CorrectedPath {
+    fn first_path(&self, correction: &ErrorVector, share_of_way: f64) -> CorrectedPath {
         let mut path = CorrectedPath {
             by_position: None,
-            by_misalignment: self.path_by_misalignment(correction),
+            by_misalignment: self.path_by_misalignment(correction, share_of_way),
             offset_t_m: Vector3::zeros(),
         };
         if self.is_sea_curved(correction) {
@@ -151,15 +153,16 @@ impl Eskf {
     }
 
     /// r − r̂, linearised at an estimate of the error; the axis of a depth as in [`Eskf::keep_depth`].
-    fn path_at(&self, error: &ErrorVector) -> CorrectedPath {
+    fn path_at(&self, error: &ErrorVector, share_of_way: f64) -> CorrectedPath {
         let linear_t = error.fixed_rows::<3>(POSITION).into_owned();
         let rho = error.fixed_rows::<3>(ATTITUDE).into_owned();
         let way_t = way_by_yaw(&self.covariance);
-        let rest_t = linear_t - rho.cross(&way_t);
+        let rest_t = linear_t * share_of_way - rho.cross(&way_t);
         let turn = Rotation3::from_scaled_axis(rho);
-        let end_t = turn * (way_t + rest_t);
-        let by_position = *turn.matrix();
-        let by_misalignment = turn * skew(&way_t) - skew(&end_t) * left_jacobian(&rho);
+        let turned_t = turn * (way_t + rest_t);
+        let end_t = linear_t * (1.0 - share_of_way) + turned_t;
+        let by_position = Matrix3::identity() * (1.0 - share_of_way) + turn.matrix() * share_of_way;
+        let by_misalignment = turn * skew(&way_t) - skew(&turned_t) * left_jacobian(&rho);
         let mut path = CorrectedPath {
             by_position: Some(by_position),
             by_misalignment,

@@ -68,7 +68,7 @@ fn a_large_yaw_is_found_by_one_fix() {
             &innovation,
             CorrectedPath {
                 by_position: None,
-                by_misalignment: filter.path_by_misalignment(&first),
+                by_misalignment: filter.path_by_misalignment(&first, 1.0),
                 offset_t_m: Vector3::zeros(),
             },
         );
@@ -93,7 +93,8 @@ fn what_does_not_move_the_yaw_and_what_is_no_yaw_is_linearised_once() {
         let mut filter = filter(sd_deg.to_radians());
         let innovation = fix(&mut filter, angle_deg.to_radians());
         let first = filter.explained_by(&innovation).unwrap().error;
-        let by_misalignment = filter.path_by_misalignment(&first);
+        let share = filter.share_of_way(&filter.covariance);
+        let by_misalignment = filter.path_by_misalignment(&first, share);
         let offset_t_m = Vector3::zeros();
         let mut found = innovation.clone();
         filter.linearise_at_corrected_path(&mut found);
@@ -109,7 +110,7 @@ fn what_does_not_move_the_yaw_and_what_is_no_yaw_is_linearised_once() {
     }
 }
 
-/// A and B by central differences of the exact path, Exp(ρ) (p̂ + δr − ρ × p̂) − p̂; c closes it.
+/// A and B by central differences of the exact path, with 0.4 of δr on it: 0.6 δr + Exp(ρ) (p̂ + 0.4 δr − ρ × p̂) − p̂.
 #[test]
 fn the_path_is_the_tangent_of_the_exact_one() {
     let mut filter = filter(0.5);
@@ -121,9 +122,10 @@ fn the_path_is_the_tangent_of_the_exact_one() {
     let way_t = way_by_yaw(&filter.covariance);
     assert!((way_t - Vector3::new(WAY_M, 0.0, 0.0)).norm() < 0.01, "{way_t}");
     let exact = |linear_t: &Vector3<f64>, rho: &Vector3<f64>| {
-        Rot::<Tangent, Tangent>::exp(*rho).matrix() * (way_t + linear_t - rho.cross(&way_t)) - way_t
+        let end_t = Rot::<Tangent, Tangent>::exp(*rho).matrix() * (way_t + linear_t * 0.4 - rho.cross(&way_t));
+        linear_t * 0.6 + end_t - way_t
     };
-    let path = filter.path_at(&error);
+    let path = filter.path_at(&error, 0.4);
     let by_position = path.by_position.unwrap();
     for axis in 0..3 {
         let step = Vector3::ith(axis, 1e-5);
@@ -139,8 +141,8 @@ fn the_path_is_the_tangent_of_the_exact_one() {
     let state = filter.state();
     let at_depth = depth(&Motion::still(&state), state.position_t_m.0.z, 0.02, &Vec3::zeros());
     assert!(filter.update(&at_depth, Sensor::Depth).unwrap().was_used());
-    let path = filter.path_at(&error);
-    assert_eq!(path.by_misalignment.row(2), filter.path_by_misalignment(&error).row(2));
+    let (path, first) = (filter.path_at(&error, 1.0), filter.path_by_misalignment(&error, 1.0));
+    assert_eq!(path.by_misalignment.row(2), first.row(2));
     assert_eq!(path.by_position.unwrap().row(2), RowVector3::new(0.0, 0.0, 1.0));
     assert_eq!(path.offset_t_m.z, 0.0);
 }
@@ -266,12 +268,12 @@ fn path_by_misalignment_by_hand() {
     correction.fixed_rows_mut::<3>(VELOCITY).copy_from(&gained_p);
     (filter.measured.position_ns, filter.measured.depth_ns) = (97_000_000_000, 97_000_000_000);
     let plain = -skew(&Vector3::new(1.0, 2.0, 3.0));
-    assert_eq!(filter.path_by_misalignment(&correction), plain);
+    assert_eq!(filter.path_by_misalignment(&correction, 1.0), plain);
     filter.measured.depth_ns = 98_000_000_000;
     let way_t = filter.state().attitude_t_p.matrix() * gained_p * 2.0;
     let mut expected = plain;
     expected.set_row(2, &-skew(&way_t).row(2));
-    assert!((filter.path_by_misalignment(&correction) - expected).amax() < 1e-12);
+    assert!((filter.path_by_misalignment(&correction, 1.0) - expected).amax() < 1e-12);
 }
 
 /// A yaw that moves the position by ρ e_D × p̂: 4 m to the north and 3 m to the east it moves by −3 and 4 times ρ.
@@ -326,7 +328,7 @@ fn a_correction_of_a_kilometre_keeps_the_depth() {
         let level_t = Vector3::new(north_m, east_m, -(down_t.x * north_m + down_t.y * east_m) / down_t.z);
         error.fixed_rows_mut::<3>(POSITION).copy_from(&level_t);
         let old = filter.covariance;
-        filter.follow_corrected_path(&mut error);
+        filter.follow_corrected_path(&mut error, 1.0);
         let lower_m = error[POSITION + 2] - level_t.z;
         assert!((lower_m - 0.0785).abs() < 1e-3, "{lower_m}");
         let mut corrected = filter.state();
@@ -368,7 +370,7 @@ fn the_path_below_a_curved_sea_is_the_tangent_of_the_exact_one() {
     let here_t_m = filter.state().position_t_m;
     let by_heave = filter.heave_by_misalignment(&error);
     let before = earth.level(&here_t_m);
-    for path in [filter.path_at(&error), filter.first_path(&error)] {
+    for path in [filter.path_at(&error, 1.0), filter.first_path(&error, 1.0)] {
         let by_position = path.by_position.unwrap();
         let end = |error: &ErrorVector| {
             by_position * error.fixed_rows::<3>(POSITION)

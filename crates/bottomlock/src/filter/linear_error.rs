@@ -6,13 +6,13 @@
 //!
 //! - where velocities in the platform frame aid the filter, ξ = Exp(−ρ)(p̂ + r − r̂) − p̂ is linear, with p̂ the way since the
 //!   position was last known: ξ̇ = R̂ δv holds exactly. The linear model's δr is ξ + ρ × p̂, the inverse of
-//!   [`super::corrected_path`];
+//!   [`super::corrected_path`], with its share of the way;
 //! - the logarithm in SE₂(3) is linear in free inertial navigation (Barrau & Bonnabel 2017, sect. IV-B), to second order
 //!   Exp(−ρ/2)(r − r̂) and Exp(ρ/2) R̂ δv.
 //!
 //! An axis that a depth sensor has corrected contains the integral of b since the last depth alone.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::Eskf;
 use super::corrected_path::way_by_yaw;
@@ -30,8 +30,11 @@ impl Eskf {
         let (position_t, rho, velocity_p) = (block(POSITION), block(ATTITUDE), block(VELOCITY));
         let rotation = estimate.attitude_t_p.matrix();
         let mut linear_t = if self.measured.velocity_ns.is_some() {
-            let way_t = way_by_yaw(covariance);
-            Rotation3::from_scaled_axis(-rho) * (way_t + position_t) - way_t + rho.cross(&way_t)
+            let (way_t, turn) = (way_by_yaw(covariance), Rotation3::from_scaled_axis(rho));
+            let share = self.share_of_way(covariance);
+            let turned = Matrix3::identity() * (1.0 - share) + turn.matrix() * share;
+            let beside_t = position_t + way_t - turn * (way_t - rho.cross(&way_t));
+            turned.lu().solve(&beside_t).unwrap_or(beside_t)
         } else {
             let half = Rotation3::from_scaled_axis(-0.5 * rho);
             let velocity_p = rotation.transpose() * (half.inverse() * (rotation * velocity_p));
@@ -64,7 +67,8 @@ mod tests {
     fn filter_and_truth() -> (Eskf, NavState) {
         let mut state = NavState::at_rest(NOW_NS);
         state.attitude_t_p = Rot::from_euler_rad(0.3, -0.2, 1.1);
-        let filter = Eskf::new(state, &Model::table_2(), &Options::default()).unwrap();
+        let mut filter = Eskf::new(state, &Model::table_2(), &Options::default()).unwrap();
+        filter.measured.level_m2 = 0.0; // the error is of the way alone
         let mut truth = filter.state();
         truth.position_t_m = Vec3::from_array(WAY);
         truth.attitude_t_p = Rot::<Tangent, Tangent>::exp(RHO.into()) * truth.attitude_t_p;
@@ -113,6 +117,20 @@ mod tests {
         assert!((wrong.norm() - 7.4).abs() < 0.05);
         assert_eq!(error.rows(ATTITUDE, 17), plain.rows(ATTITUDE, 17));
         assert!((block(&error, ATTITUDE) - rho).norm() < 1e-12);
+    }
+
+    /// Of 2 m² of the level position 1.2 were there before: by (2a) with 0.4 of the error on the way, the linear error is found again.
+    #[test]
+    fn what_was_there_before_does_not_turn() {
+        let (mut filter, mut truth) = filter_and_truth();
+        (filter.measured.velocity_ns, filter.measured.level_m2) = (Some(NOW_NS), 1.2);
+        let (way_t, linear_t) = (Vector3::from(WAY), Vector3::new(40.0, 70.0, -5.0));
+        let level_t = Vector3::new(way_t.x, way_t.y, 0.0);
+        let rest_t = linear_t * 0.4 - Vector3::from(RHO).cross(&level_t);
+        let off_t = linear_t * 0.6 + turned(1.0, level_t + rest_t) - level_t;
+        truth.position_t_m = Vec3::from_array((filter.state().position_t_m.0 + off_t).into());
+        let error = filter.linear_error(&truth, &covariance_after([WAY[0], WAY[1]]));
+        assert!((block(&error, POSITION) - linear_t).norm() < 1e-9);
     }
 
     /// Along a turn, with a misalignment and a velocity error that are constant and large: ξ is ∫R̂ δv dt at every time, with

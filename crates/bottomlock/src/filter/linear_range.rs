@@ -27,7 +27,7 @@ use crate::error::NavError;
 use crate::filter::report::{Sensor, UpdateReport};
 use crate::frames::skew;
 use crate::layout::{ATTITUDE, POSITION, VELOCITY};
-use crate::state::ErrorVector;
+use crate::state::{Covariance, ErrorVector};
 
 /// Root mean square of b_z, m/s, beyond which a depth corrects its own axis alone.
 ///
@@ -42,6 +42,8 @@ pub(super) struct Measured {
     pub(super) depth_ns: i64,
     /// All axes of the position.
     pub(super) position_ns: i64,
+    /// Variance of its level part then, or where an update has left less of it, m².
+    pub(super) level_m2: f64,
     /// A velocity in the platform frame; `None` before the first.
     pub(super) velocity_ns: Option<i64>,
     /// The heave's covariance has what the linear model leaves out until then.
@@ -49,10 +51,11 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    pub(super) fn nothing_at(time_ns: i64) -> Self {
+    pub(super) fn nothing_at(time_ns: i64, covariance: &Covariance) -> Self {
         Self {
             depth_ns: time_ns,
             position_ns: time_ns,
+            level_m2: level_variance(covariance),
             velocity_ns: None,
             heave_ns: time_ns,
         }
@@ -81,14 +84,16 @@ impl Eskf {
         sensor: Sensor,
     ) -> Result<UpdateReport, NavError> {
         let mut innovation = innovation.clone();
-        let before = self.covariance[DOWN];
+        let before = (self.covariance[DOWN], self.measured);
         self.linearise(&mut innovation);
         self.covariance[DOWN] += self.left_out_variance(&innovation);
+        // Known already where the update's own correction of the level position turns the axis of the depth.
+        self.note_position(innovation.tangent_rows);
         let outcome = self.fuse_rows(&innovation, sensor);
-        if outcome.as_ref().is_ok_and(UpdateReport::was_used) {
-            self.note_position(innovation.tangent_rows);
-        } else {
-            self.covariance[DOWN] = before;
+        if !outcome.as_ref().is_ok_and(UpdateReport::was_used) {
+            (self.covariance[DOWN], self.measured) = before;
+        } else if innovation.tangent_rows == TangentRows::Position {
+            self.measured.level_m2 = level_variance(&self.covariance);
         }
         outcome
     }
@@ -163,6 +168,22 @@ impl Eskf {
         }
     }
 
+    /// Notes how well the level position is known, where this is better than before.
+    pub(super) fn note_level_position(&mut self) {
+        self.measured.level_m2 = self.measured.level_m2.min(level_variance(&self.covariance));
+    }
+
+    /// Part of the position's error that has come about since the position was last known, by the variance of its level part. The
+    /// rest, as of a start at a place that is not well known, lies on no way that a misalignment turns.
+    pub(super) fn share_of_way(&self, covariance: &Covariance) -> f64 {
+        let level_m2 = level_variance(covariance);
+        if level_m2 > self.measured.level_m2 {
+            1.0 - self.measured.level_m2 / level_m2
+        } else {
+            0.0
+        }
+    }
+
     pub(super) fn rotation(&self) -> Matrix3<f64> {
         Matrix3::from(self.kinematics.rotation_t_p).transpose()
     }
@@ -178,6 +199,10 @@ impl Eskf {
         rho[(0, 0)] * u[(1, 1)] + rho[(1, 1)] * u[(0, 0)] - 2.0 * rho[(0, 1)] * u[(0, 1)]
             + 2.0 * (xy * xy + yx * yx - xx * yy - xy * yx)
     }
+}
+
+fn level_variance(covariance: &Covariance) -> f64 {
+    covariance.fixed_view::<2, 2>(POSITION, POSITION).trace()
 }
 
 fn add_by_misalignment(innovation: &mut Innovation, block: &Matrix3<f64>) {

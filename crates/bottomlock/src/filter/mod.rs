@@ -104,15 +104,16 @@ impl Eskf {
         }
         let kinematics = state.kinematics();
         let earth = Earth::from(&model.environment);
+        let covariance = model.initial_covariance(options.estimate_dvl);
         Ok(Self {
             earth: earth.terms(kinematics.position_t_m),
             kinematics,
             state,
-            covariance: model.initial_covariance(options.estimate_dvl),
             interval: Interval::default(),
             last_rate_p_radps: Vector3::zeros(),
             last_step_s: 0.0,
-            measured: Measured::nothing_at(state.time_ns),
+            measured: Measured::nothing_at(state.time_ns, &covariance),
+            covariance,
             settings: Settings {
                 earth,
                 noise: model.process_noise(options.estimate_dvl),
@@ -161,6 +162,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
+        self.note_level_position();
         self.extensions.restart(&self.kinematics);
         self.interval = Interval::default();
         Ok(())

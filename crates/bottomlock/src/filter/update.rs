@@ -44,6 +44,7 @@ impl Eskf {
             return Ok(report);
         }
 
+        let share_of_way = self.share_of_way(&self.covariance);
         let mut correction = predicted
             .correct(&mut self.covariance, innovation)
             .map_err(|indefinite| not_positive_definite(indefinite.negative, self.state.time_ns))?;
@@ -57,8 +58,9 @@ impl Eskf {
         if let Some(path) = &innovation.corrected_path {
             self.move_to_corrected_path(path, &mut correction.error);
         } else {
-            self.follow_corrected_path(&mut correction.error);
+            self.follow_corrected_path(&mut correction.error, share_of_way);
         }
+        self.note_level_position();
         self.feed_back(&correction.error);
         Ok(report)
     }
