@@ -73,8 +73,8 @@ for finding in found[0].findings:
     print(f"{finding.severity}: {finding.text}\n")
 
 # %% mystnb={"image": {"alt": "Yaw found in six dives with ± 2σ: near the planted one, not as stated."}}
-yaw_deg = np.rad2deg([one.mounting.rpy_rad[2] for one in found])
-sd_deg = np.rad2deg([one.mounting.misalignment_sd_rad[2] for one in found])
+yaw_deg = np.rad2deg([one.mounting.values["misalignment"][2] for one in found])
+sd_deg = np.rad2deg([one.mounting.sds["misalignment"][2] for one in found])
 figure, axes = plt.subplots(figsize=(7.2, 3.0))
 axes.errorbar(range(len(found)), yaw_deg, yerr=2 * sd_deg, fmt="o", color="black", label="found, ± 2σ")
 axes.axhline(PLANTED_DEG, color="tab:red", linestyle="--", label="planted")

@@ -54,10 +54,16 @@ def test_written_and_read_back(tmp_path: Path) -> None:
 
 def test_an_audit_is_a_prior(tmp_path: Path) -> None:
     """What the audit sees is written as the prior of a replay; what it does not see is not written."""
+    values = {
+        "misalignment": np.zeros(3), "lever_arm": np.zeros(3),
+        "clock_offset": np.array([0.35]), "velocity_scale": np.array([0.01]),
+    }  # fmt: skip
+    sds = {
+        "misalignment": np.deg2rad([0.1, 0.2, 0.3]), "lever_arm": np.ones(3),
+        "clock_offset": np.array([0.01]), "velocity_scale": np.array([0.1]),
+    }  # fmt: skip
     mounting = Mounting(
-        rpy_rad=np.zeros(3), misalignment_sd_rad=np.deg2rad([0.1, 0.2, 0.3]),
-        lever_arm_p_m=np.zeros(3), lever_arm_sd_m=np.ones(3), clock_offset_s=0.35, clock_offset_sd_s=0.01,
-        scale=0.01, scale_sd=0.1, mirrored=False, residual_mps=np.zeros(3), explained=0.9, instants=500, blocks=50,
+        values, sds, mirrored=False, residual_mps=np.zeros(3), explained=0.9, instants=500, blocks=50,
         rate_rms_radps=np.ones(3),
     )  # fmt: skip
     (tmp_path / "dvl.toml").write_text(calibrated_text(FILE, known(mounting, "log")), encoding="utf-8")

@@ -61,11 +61,11 @@ def plant(seed: int, *, lively: float = 1.0, flip: bool = False) -> Audit:
 
 def misses(found: Mounting) -> Array:
     """Every quantity's error in its own standard deviations: roll, pitch, yaw, arm, clock, scale."""
-    rpy = (found.rpy_rad - ANGLES) / found.misalignment_sd_rad
-    arm = (found.lever_arm_p_m - ARM) / found.lever_arm_sd_m
+    rpy = (found.values["misalignment"] - ANGLES) / found.sds["misalignment"]
+    arm = (found.values["lever_arm"] - ARM) / found.sds["lever_arm"]
     rest = [
-        (found.clock_offset_s - OFFSET_S) / found.clock_offset_sd_s,
-        (found.scale - SCALE) / found.scale_sd,
+        (found.values["clock_offset"][0] - OFFSET_S) / found.sds["clock_offset"][0],
+        (found.values["velocity_scale"][0] - SCALE) / found.sds["velocity_scale"][0],
     ]
     return np.concatenate([rpy, arm, rest])
 
@@ -85,8 +85,8 @@ def test_a_straight_course_shows_no_lever_arm() -> None:
     """Without turns ω × l is nothing, and roll about the course turns nothing into anything."""
     audit = plant(2, lively=0.0)
     found = mounting_of(audit)
-    assert (found.lever_arm_sd_m > PARTS["lever_arm"].limit).all()
-    assert found.misalignment_sd_rad[0] > PARTS["misalignment"].limit
+    assert (found.sds["lever_arm"] > PARTS["lever_arm"].limit).all()
+    assert found.sds["misalignment"][0] > PARTS["misalignment"].limit
     unseen = [one.text for one in audit.findings if one.kind == "not_observable"]
     for kind in ("lever_arm", "clock_offset"):
         assert any(PARTS[kind].what in text for text in unseen)
@@ -100,7 +100,7 @@ def test_a_left_handed_frame() -> None:
     found = mounting_of(audit)
     assert found.mirrored
     assert "left_handed" in {one.kind for one in audit.findings}
-    np.testing.assert_allclose(found.lever_arm_p_m, ARM, atol=0.05)
+    np.testing.assert_allclose(found.values["lever_arm"], ARM, atol=0.05)
 
 
 def steady(
@@ -143,13 +143,13 @@ def test_a_steady_course_with_turns(seed: int) -> None:
     assert {"misalignment", "lever_arm", "velocity_scale"} <= kinds <= {
         "misalignment", "lever_arm", "velocity_scale", "clock_offset"
     }  # fmt: skip
-    yaw, scale = np.rad2deg(found.rpy_rad[2]), found.scale
-    assert abs(yaw - 4.0) < 4.0 * np.rad2deg(found.misalignment_sd_rad[2]) < 0.5
-    assert abs(scale - 0.02) < 4.0 * found.scale_sd < 0.005
-    assert abs(found.lever_arm_p_m[0] - 1.0) < 4.0 * found.lever_arm_sd_m[0] < 0.3
+    yaw, scale = np.rad2deg(found.values["misalignment"][2]), found.values["velocity_scale"][0]
+    assert abs(yaw - 4.0) < 4.0 * np.rad2deg(found.sds["misalignment"][2]) < 0.5
+    assert abs(scale - 0.02) < 4.0 * found.sds["velocity_scale"][0] < 0.005
+    assert abs(found.values["lever_arm"][0] - 1.0) < 4.0 * found.sds["lever_arm"][0] < 0.3
     assert (
-        not np.isfinite(found.clock_offset_sd_s)
-        or abs(found.clock_offset_s - 0.2) < 4 * found.clock_offset_sd_s
+        not np.isfinite(found.sds["clock_offset"][0])
+        or abs(found.values["clock_offset"][0] - 0.2) < 4 * found.sds["clock_offset"][0]
     )
 
 

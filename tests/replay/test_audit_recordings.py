@@ -122,12 +122,12 @@ def test_akit_mounting(recordings: Path) -> None:
     methods, turns, scales = [], [], []
     for section in AKIT:
         found = akit(recordings, section)
-        assert found.lever_arm_sd_m[2] > PARTS["lever_arm"].limit
+        assert found.sds["lever_arm"][2] > PARTS["lever_arm"].limit
         # DVL row k stands at k + 1.03 s on the IMU's clock (± 0.05), reference row k at k + lag.
-        assert found.clock_offset_s == pytest.approx(1.03 - lags[section], abs=0.1)
-        methods.append(found.lever_arm_p_m[:2])
-        turns.append(np.rad2deg(found.rpy_rad))
-        scales.append(found.scale)
+        assert found.values["clock_offset"][0] == pytest.approx(1.03 - lags[section], abs=0.1)
+        methods.append(found.values["lever_arm"][:2])
+        turns.append(np.rad2deg(found.values["misalignment"]))
+        scales.append(found.values["velocity_scale"][0])
     assert np.median(methods, axis=0) == pytest.approx([-1.8, -0.03], abs=0.06)
     assert np.median(turns, axis=0) == pytest.approx([0.1, -0.07, -0.15], abs=0.07)
     assert np.median(scales) == pytest.approx(0.002, abs=0.002)

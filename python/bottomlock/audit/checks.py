@@ -200,11 +200,11 @@ def parts(context: Context) -> Iterator[Finding]:
     m = context.mounting
     if m is None or not m.follows:
         return
-    turn = from_angles(*m.rpy_rad) * from_angles(*context.stated_rpy_rad).inv()
+    turn = from_angles(*m.values["misalignment"]) * from_angles(*context.stated_rpy_rad).inv()
     arms = np.zeros((1, 3)) if context.stated is None else np.asarray(context.stated.lever_arms_p_m)
     stated = {"misalignment": context.stated_rpy_rad, "lever_arm": arms.mean(axis=0)}
     for kind, part in PARTS.items():
-        value, sd = m.told(part)
+        value, sd = m.values[kind], m.sds[kind]
         meant = stated.get(kind, np.zeros(len(value)))
         # Angles are compared about the platform's axes, as their standard deviations are.
         off = turn.as_rotvec() if kind == "misalignment" else value - meant

@@ -43,11 +43,13 @@ def geometry_text(audit: Audit) -> str:
             lines = [f"sound_speed_scale = {common:.6f}  # the beams read this times what the velocity says"]
     lines.append(f"beam_noise_mps = {_noise(audit):.4g}  # m/s per beam, 1 sigma, robust")
     if m is not None and m.knows("misalignment"):
-        angles = zip(ANGLES, np.rad2deg(m.rpy_rad), np.rad2deg(m.misalignment_sd_rad), strict=True)
+        angles = zip(
+            ANGLES, np.rad2deg(m.values["misalignment"]), np.rad2deg(m.sds["misalignment"]), strict=True
+        )
         lines += [f"mounting_{name}_deg = {value:.4f}  # ± {sd:.2g}" for name, value, sd in angles]
     if m is not None and m.knows("lever_arm"):
-        arms = ", ".join([_vector(m.lever_arm_p_m, 4)] * log.beams)
-        sd = ", ".join(f"{one:.2g}" for one in m.lever_arm_sd_m)
+        arms = ", ".join([_vector(m.values["lever_arm"], 4)] * log.beams)
+        sd = ", ".join(f"{one:.2g}" for one in m.sds["lever_arm"])
         lines.append(f"lever_arms_m = [{arms}]  # of the instrument as a whole, ± {sd} m")
     if log.columns is not None and log.columns.velocity is not None:
         lines += ["", "[columns]"]
@@ -102,9 +104,11 @@ def known(m: Mounting | None, place: str) -> Calibrated:
     """What is known of mounting, scale and clock, which a replay takes as its prior; nothing of what is not seen."""
     found = Calibrated(f"audit of {place}, from {SOURCE}", None, None, None, None, None, None)
     if m is not None and m.knows("misalignment"):
-        found = replace(found, mounting_sd_rad=m.misalignment_sd_rad)
+        found = replace(found, mounting_sd_rad=m.sds["misalignment"])
     if m is not None and m.knows("velocity_scale"):
-        found = replace(found, scale=m.scale, scale_sd=m.scale_sd)
+        value, sd = float(m.values["velocity_scale"][0]), float(m.sds["velocity_scale"][0])
+        found = replace(found, scale=value, scale_sd=sd)
     if m is not None and m.knows("clock_offset"):
-        found = replace(found, clock_offset_s=m.clock_offset_s, clock_sd_s=m.clock_offset_sd_s)
+        value, sd = float(m.values["clock_offset"][0]), float(m.sds["clock_offset"][0])
+        found = replace(found, clock_offset_s=value, clock_sd_s=sd)
     return found

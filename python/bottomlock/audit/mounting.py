@@ -4,6 +4,7 @@ The fit is that of a replay (`recordings.rig_fit`). A parameter that the motion 
 wide prior and is not observable.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,6 @@ class Part:
 
     Attributes:
         what, names: in words, and its components.
-        value, sd: attributes of `Mounting`.
         least: smaller departures from what is stated are no finding.
         limit: with a larger standard deviation it is not observable, unless it is significant all the same.
         fault: a larger departure is a fault, a smaller one a warning.
@@ -45,8 +45,6 @@ class Part:
 
     what: str
     names: tuple[str, ...]
-    value: str
-    sd: str
     least: float
     limit: float
     fault: float
@@ -59,31 +57,29 @@ class Part:
 DEG = np.rad2deg(1.0)
 PARTS = {
     "misalignment": Part(
-        "mounting", ANGLES, "rpy_rad", "misalignment_sd_rad", 0.05 / DEG, 1.0 / DEG, 1.0 / DEG, DEG, "deg", "+.2f",
+        "mounting", ANGLES, 0.05 / DEG, 1.0 / DEG, 1.0 / DEG, DEG, "deg", "+.2f",
         "speed across these axes",
     ),
     "lever_arm": Part(
-        "lever arm", AXES, "lever_arm_p_m", "lever_arm_sd_m", 0.02, 0.3, np.inf, 1.0, "m", "+.2f", "rotations"
+        "lever arm", AXES, 0.02, 0.3, np.inf, 1.0, "m", "+.2f", "rotations"
     ),
     "clock_offset": Part(
-        "clock offset (reference less DVL)", ("",), "clock_offset_s", "clock_offset_sd_s", 0.02, 0.1, 0.0, 1.0, "s",
+        "clock offset (reference less DVL)", ("",), 0.02, 0.1, 0.0, 1.0, "s",
         "+.3f", "speed changes",
     ),
-    "velocity_scale": Part("scale", ("",), "scale", "scale_sd", 0.002, 0.02, np.inf, 100.0, "%", "+.2f", "speed"),
+    "velocity_scale": Part("scale", ("",), 0.002, 0.02, np.inf, 100.0, "%", "+.2f", "speed"),
 }  # fmt: skip
 """By the kind of their findings."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Mounting parameters of the DVL with their standard deviations.
+    """Mounting parameters of the DVL and their 1 sigma, (k,) for each kind of `PARTS`.
 
     Attributes:
-        rpy_rad: (3,) roll, pitch, yaw from DVL axes to platform axes.
-        misalignment_sd_rad: (3,) about the platform's x, y, z.
-        lever_arm_p_m, lever_arm_sd_m: (3,) from the reference's point to the DVL.
-        clock_offset_s, clock_offset_sd_s: reference time minus DVL time of the same instant.
-        scale, scale_sd: the DVL reads (1 + scale) times the velocity.
+        values: roll, pitch, yaw from DVL axes to platform axes, rad; from the reference's point to the DVL, m;
+            reference time minus DVL time of the same instant, s; what the DVL reads too much, relative.
+        sds: of these; of the angles about the platform's x, y, z.
         mirrored: the DVL's velocity fits only with its y axis reversed: the frame is left-handed.
         residual_mps: (3,) robust sigma per axis.
         explained: fraction of the mean square of the velocity that the fit explains, 0 to 1.
@@ -92,14 +88,8 @@ class Mounting:
         rate_rms_radps: (3,) RMS angular rate of the platform.
     """
 
-    rpy_rad: Array
-    misalignment_sd_rad: Array
-    lever_arm_p_m: Array
-    lever_arm_sd_m: Array
-    clock_offset_s: float
-    clock_offset_sd_s: float
-    scale: float
-    scale_sd: float
+    values: Mapping[str, Array]
+    sds: Mapping[str, Array]
     mirrored: bool
     residual_mps: Array
     explained: float
@@ -107,19 +97,15 @@ class Mounting:
     blocks: int
     rate_rms_radps: Array
 
-    def told(self, part: Part) -> tuple[Array, Array]:
-        """A parameter and its 1 sigma, (k,) each."""
-        return np.atleast_1d(getattr(self, part.value)), np.atleast_1d(getattr(self, part.sd))
-
     def knows(self, kind: str) -> bool:
         """The parameter of `PARTS` is observable, the velocity followed and of a right-handed frame."""
         usable = self.follows and not self.mirrored
-        return usable and bool((self.told(PARTS[kind])[1] < PARTS[kind].limit).all())
+        return usable and bool((self.sds[kind] < PARTS[kind].limit).all())
 
     @property
     def follows(self) -> bool:
         """The reference explains enough of the velocity for the parameters to be observable."""
-        return self.explained > LEAST_EXPLAINED and abs(self.scale) < 0.2
+        return self.explained > LEAST_EXPLAINED and bool(abs(self.values["velocity_scale"][0]) < 0.2)
 
 
 def find_mounting(time_ns: NDArray[np.int64], velocity_d_mps: Array, motion: Tracked) -> Mounting | None:
@@ -135,20 +121,19 @@ def find_mounting(time_ns: NDArray[np.int64], velocity_d_mps: Array, motion: Tra
     match = fit_anyhow(recorded, np.arange(-REACH_S, REACH_S + 0.1, 0.25), WIDE, around=True)
     if match is None:
         return None
-    turn_sd, arm_sd, clock_sd, scale_sd = (
-        match.part_sd(name) if match.blocks >= LEAST_BLOCKS else np.full(3, np.inf)
-        for name in ("rotation", "lever", "clock", "scale")
+    names = dict(zip(PARTS, ("rotation", "lever", "clock", "scale"), strict=True))
+    values, sds = ({kind: of(name) for kind, name in names.items()} for of in (match.part, match.part_sd))
+    mirrored, factor = bool(np.linalg.det(match.turned) < 0.0), 1.0 + values["velocity_scale"]
+    values["misalignment"] = to_angles(
+        Rotation.from_matrix(match.turned @ MIRROR if mirrored else match.turned)
     )
-    clock_s, scale = float(match.part("clock")[0]), float(match.part("scale")[0])
-    mirrored = bool(np.linalg.det(match.turned) < 0.0)
-    rotation = Rotation.from_matrix(match.turned @ MIRROR if mirrored else match.turned)
+    # The fit's factor is that of the velocity, the audit's that of the motion.
+    values["velocity_scale"], sds["velocity_scale"] = 1.0 / factor - 1.0, sds["velocity_scale"] / factor**2
+    if match.blocks < LEAST_BLOCKS:
+        sds = {kind: np.full(len(sd), np.inf) for kind, sd in sds.items()}
+    if abs(values["clock_offset"][0]) > REACH_S:
+        sds["clock_offset"] = np.array([np.inf])
+    explained = float(np.clip(match.explained, 0.0, 1.0))
     return Mounting(
-        rpy_rad=to_angles(rotation), misalignment_sd_rad=turn_sd,
-        lever_arm_p_m=match.part("lever"), lever_arm_sd_m=arm_sd,
-        clock_offset_s=clock_s, clock_offset_sd_s=float(clock_sd[0]) if abs(clock_s) <= REACH_S else np.inf,
-        # The fit's factor is that of the velocity, the audit's that of the motion.
-        scale=1.0 / (1.0 + scale) - 1.0, scale_sd=float(scale_sd[0]) / (1.0 + scale) ** 2,
-        mirrored=mirrored, residual_mps=match.residual_mps,
-        explained=float(np.clip(match.explained, 0.0, 1.0)), instants=match.pings, blocks=match.blocks,
-        rate_rms_radps=match.rate_rms_radps,
-    )  # fmt: skip
+        values, sds, mirrored, match.residual_mps, explained, match.pings, match.blocks, match.rate_rms_radps
+    )

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from bottomlock.audit.logs import Array
 from bottomlock.audit.run import Audit, numbers_of
 from bottomlock.figures.palette import INK
-from bottomlock.figures.series import Curve, Figure, Panel, valid_panel
+from bottomlock.figures.series import BEAM_COLOURS, Curve, Figure, Panel, valid_panel
 from bottomlock.files.atomic_write import json_text, parquet_bytes
 from bottomlock.files.columns import FINDINGS
 from bottomlock.files.overwriting import Files
@@ -20,9 +20,6 @@ from bottomlock.pages.page import Block, Page, Part, Pictures, Table, Viewer, ht
 from bottomlock.pages.pieces import explained, findings_part, json_part
 from bottomlock.pages.plots import Plots
 from bottomlock.text import number
-
-BLUE, ORANGE, GREEN = "#5394ec", "#fa632e", "#129e64"
-COLOURS = (BLUE, ORANGE, GREEN, "#b24397", "#a05200", "#8952ff", "#4191bc", "#7d6331")
 
 
 def closure_figure(audit: Audit) -> Figure | None:
@@ -38,7 +35,7 @@ def closure_figure(audit: Audit) -> Figure | None:
     counts = np.histogram(inside, edges)[0].astype(np.float64)
     label = f"Gaussian of its robust sigma, {1e3 * spread:.3g} mm/s"
     curves = [
-        Curve("recorded", BLUE, 1e3 * middle, counts, kind="bars"),
+        Curve("recorded", BEAM_COLOURS[0], 1e3 * middle, counts, kind="bars"),
         Curve(label, INK, 1e3 * middle, expected),
     ]
     x_label = "closure, mm/s (values beyond are counted in the outermost bars)"
@@ -59,7 +56,7 @@ def _curves(
 ) -> list[Curve]:
     """A curve per beam or closure, (n,) each."""
     return [
-        Curve(f"{name} {k + 1}", COLOURS[k % len(COLOURS)], time_ns, one, kind=kind)
+        Curve(f"{name} {k + 1}", BEAM_COLOURS[k % len(BEAM_COLOURS)], time_ns, one, kind=kind)
         for k, one in enumerate(values)
     ]
 
@@ -84,7 +81,7 @@ def plots_of(audit: Audit) -> Plots | None:
             Panel(f"{curve.label} less its median of five pings, mm/s", [curve], decimals=1)
             for curve in _curves("beam", log.time_ns[full], list(off.T), "dots")
         ]
-    panels.append(valid_panel(log.time_ns, log.valid, colours=COLOURS))
+    panels.append(valid_panel(log.time_ns, log.valid))
     caption = "Closure and beams against time"
     return Plots(caption, (), {(): Figure(caption, panels, int(log.time_ns[0]))})
 
@@ -155,10 +152,10 @@ ESTIMATES = (
     ("closure", "99 % of the sizes, mm/s", "p99_mps", "", MM),
     ("closure", "largest, mm/s", "max_mps", "", MM),
     ("closure", "beyond 3 sigma (Gaussian: 0.27), %", "beyond_3_sigma", "", HUNDRED),
-    ("mounting", "roll, pitch, yaw to the platform, °", "rpy_rad", "misalignment_sd_rad", DEG),
-    ("mounting", "lever arm x, y, z, m", "lever_arm_p_m", "lever_arm_sd_m", 1.0),
-    ("mounting", "reference time minus DVL time, s", "clock_offset_s", "clock_offset_sd_s", 1.0),
-    ("mounting", "scale, %", "scale", "scale_sd", HUNDRED),
+    ("mounting", "roll, pitch, yaw to the platform, °", "misalignment", "misalignment", DEG),
+    ("mounting", "lever arm x, y, z, m", "lever_arm", "lever_arm", 1.0),
+    ("mounting", "reference time minus DVL time, s", "clock_offset", "clock_offset", 1.0),
+    ("mounting", "scale, %", "velocity_scale", "velocity_scale", HUNDRED),
     ("mounting", "explained of the velocity, %", "explained", "", HUNDRED),
 )
 """Of which block of audit.json, name with unit, names of value and 1 sigma there, and the factor to the unit."""
@@ -170,7 +167,8 @@ def _estimates(numbers: Mapping[str, Any]) -> Iterator[list[str]]:
     for block, title, name, sd_name, factor in ESTIMATES:
         found = numbers[block] or []
         for one in found if isinstance(found, list) else [found]:
-            values, sds = (np.atleast_1d(np.array(one.get(key), dtype=float)) for key in (name, sd_name))
+            pair = (one | one.get("values", {})).get(name), (one | one.get("sds", {})).get(sd_name)
+            values, sds = (np.atleast_1d(np.array(of, dtype=float)) for of in pair)
             told = [f"{value:.5g}" for value in factor * values]
             spreads = ["" if np.isnan(sd) else f" ± {number(float(sd), 2)}" for sd in factor * sds]
             each = zip(told, spreads if sd_name else [""] * len(told), strict=True)
