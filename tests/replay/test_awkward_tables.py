@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bottomlock.errors import DataError
+from bottomlock.recordings.stream_sections import ImuStream
 from bottomlock.recordings.streams import Attitudes, Inertial
 from bottomlock.replay.case import load_case
 from bottomlock.replay.init.any_table import AnyTable, read_any_table
@@ -19,6 +20,7 @@ from bottomlock.replay.init.guess import NOTHING
 from bottomlock.replay.init.make import draft, make_case
 from bottomlock.replay.init.positions import guess_positions
 from bottomlock.replay.init.sources import read_sources
+from bottomlock.replay.reading import read_streams
 from bottomlock.replay.screen_aiding import screened
 from tests.dive import drawn_dive, tables
 from tests.dive_logs import write
@@ -296,3 +298,24 @@ def test_a_compass_that_stands_still_beside_inclinometers_is_left_out() -> None:
     assert found.why == "stands still"
     assert found.rows == len(rpy) - 301
     assert len(aiding["attitude"].time_ns) == 301
+
+
+@pytest.mark.parametrize("name", ["velocity", "beams"])
+def test_a_dvl_that_stands_still_is_left_out(tmp_path: Path, name: str) -> None:
+    """Its driver repeats a report for a minute; the noise that `--init` finds is that of the other pings."""
+    held, noise = dict(tables(drawn_dive(3, seconds=150.0))), []
+    stands = pl.int_range(pl.len()).is_between(200, 440)
+    frozen = held[name].with_columns(
+        pl.when(stands).then(pl.col(one).get(200)).otherwise(pl.col(one)).alias(one)
+        for one in held[name].columns[1:]
+    )
+    for table in (held[name], frozen):
+        made = make_case(
+            write(held | {name: table}, tmp_path, f"imu {name} ahrs"), tmp_path / "case.toml", force=True
+        )
+        case = load_case(made.case)
+        assert isinstance(case.imu, ImuStream)
+        noise.append(case.imu.errors.accel_noise_mps_per_rt_h)
+    (left,) = read_streams(case).left_out
+    assert (left.stream, left.why, left.rows) == ("dvl", "stands still", 240)
+    assert noise[1] == pytest.approx(noise[0], rel=0.3)

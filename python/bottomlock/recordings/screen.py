@@ -93,6 +93,11 @@ def standing(time_ns: Times, values: Floats) -> Flags:
     return found
 
 
+def repeated(time_ns: Times, velocity_mps: Floats, valid: Flags) -> Flags:
+    """Pings (n,) of beams or velocities (n, k) of runs in which a DVL, or what logs it, stands still."""
+    return standing(time_ns, np.where(valid, velocity_mps, 0.0)) & valid.any(axis=1)
+
+
 def beside_the_steps(offsets: Floats, near: float) -> Flags:
     """Rows (n,) whose sum of steps (n,) is not within `near` of that of most rows."""
     if not offsets.any():

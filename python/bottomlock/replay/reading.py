@@ -46,7 +46,7 @@ from bottomlock.replay.read_tables import (
     read_water,
     stream_of,
 )
-from bottomlock.replay.screen_aiding import screened
+from bottomlock.replay.screen_aiding import moving, screened
 from bottomlock.replay.streams import Streams
 from bottomlock.replay.vehicle_motion import inertial_of, with_vehicle_motion
 
@@ -64,7 +64,7 @@ def read_streams(case: Case) -> Streams:
     inertial = None if isinstance(case.imu, ImuFromAttitude) else _inertial(case.imu, clocks, notes)
     noise = {key: getattr(case.dvl, key) for key in ("beam_noise_mps", "beam_noise_mps_per_m")}
     instrument = read_geometry(case.dvl.geometry, **noise)
-    beams = _beams(case, instrument, clocks, notes)
+    beams, stood = moving(_beams(case, instrument, clocks, notes))
     water, water_counts = (
         (None, None) if case.water_file is None else read_water(case, case.water_file, instrument, clocks)
     )
@@ -95,7 +95,7 @@ def read_streams(case: Case) -> Streams:
     if isinstance(case.imu, ImuFromAttitude):
         inertial = inertial_of(case.imu, aiding["attitude"], clocks["attitude"], float(latitude), notes)
     assert inertial is not None  # read above, or made of the attitude
-    left_out = screened(aiding, inertial, made=isinstance(case.imu, ImuFromAttitude))
+    left_out = (*stood, *screened(aiding, inertial, made=isinstance(case.imu, ImuFromAttitude)))
     notes += [one.words for one in left_out]
     notes += _beside_the_dive(aiding, inertial)
     aiding |= {} if water is None else {"water_track": water}

@@ -1,4 +1,4 @@
-"""Takes readings that are none out of depth, attitude and GPS, and says which."""
+"""Takes readings that are none out of pings, depth, attitude and GPS, and says which."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,16 +13,25 @@ from bottomlock.recordings.screen import (
     LeftOut,
     beside_the_steps,
     depth_steps,
+    repeated,
     standing,
     yaw_steps,
 )
-from bottomlock.recordings.streams import Attitudes, Depths, Flags, Floats, Inertial, Positions, Times
+from bottomlock.recordings.streams import Attitudes, Beams, Depths, Flags, Floats, Inertial, Positions, Times
 
 STILL = "stands still"
 MANY = 0.01
 """Part of a stream left out from which it is told first."""
 DOUBTFUL = 0.1
 """Part of a stream beside a step from which the other part may be the right one."""
+
+STEPS: dict[str, tuple[Callable[[Any, Inertial], Floats], float, float, str]] = {
+    "depth": (lambda depths, _: depth_steps(depths), SINK_M, 1.0, "steps by up to {:.1f} m"),
+    "attitude": (
+        yaw_steps, TURN_RAD, float(np.deg2rad(1.0)), "steps by up to {:.0f} deg of yaw that the gyros do not show",
+    ),
+}  # fmt: skip
+"""Streams with steps: their sum up to each row, the least one, its unit, and words."""
 
 
 def screened(aiding: dict[str, Any], inertial: Inertial, *, made: bool) -> tuple[LeftOut, ...]:
@@ -46,17 +55,25 @@ def screened(aiding: dict[str, Any], inertial: Inertial, *, made: bool) -> tuple
         if stood.any() and not stood.all():
             found.append(_left(name, STILL, stream.time_ns, stood))
             stream = aiding[name] = stream.kept(~stood)
-        steps = _steps(stream, inertial)
-        if steps is None:
+        if name not in STEPS:
             continue
-        offsets, near, size = steps
-        beside = beside_the_steps(offsets, near)
+        steps_of, least, unit, words = STEPS[name]
+        offsets = steps_of(stream, inertial)
+        beside = beside_the_steps(offsets, 0.5 * least)
         if beside.any():
-            found.append(
-                _left(name, size(float(np.abs(np.diff(offsets)).max())), stream.time_ns, beside, steps=True)
-            )
+            why = words.format(float(np.abs(np.diff(offsets)).max()) / unit)
+            found.append(_left(name, why, stream.time_ns, beside, steps=True))
             aiding[name] = stream.kept(~beside)
     return tuple(found)
+
+
+def moving(beams: Beams) -> tuple[Beams, tuple[LeftOut, ...]]:
+    """The beams without those that stand still, and what was left out."""
+    stood = repeated(beams.time_ns, beams.velocity_mps, beams.valid)
+    if not stood.any():
+        return beams, ()
+    left = _left("dvl", STILL, beams.time_ns, stood)
+    return replace(beams, valid=beams.valid & ~stood[:, None]), (left,)
 
 
 def _values(stream: Depths | Attitudes | Positions) -> Floats:
@@ -67,19 +84,6 @@ def _values(stream: Depths | Attitudes | Positions) -> Floats:
         C = stream.attitude.as_matrix()
         return np.asarray(np.arctan2(C[:, 1, 0], C[:, 0, 0])[:, None].round(9))
     return stream.position_t_m[:, :2]
-
-
-def _steps(
-    stream: Depths | Attitudes | Positions, inertial: Inertial
-) -> tuple[Floats, float, Callable[[float], str]] | None:
-    if isinstance(stream, Depths):
-        return depth_steps(stream), 0.5 * SINK_M, lambda size: f"steps by up to {size:.1f} m"
-    if isinstance(stream, Attitudes):
-        return (
-            yaw_steps(stream, inertial), 0.5 * TURN_RAD,
-            lambda size: f"steps by up to {np.rad2deg(size):.0f} deg of yaw that the gyros do not show",
-        )  # fmt: skip
-    return None
 
 
 def _left(name: str, why: str, time_ns: Times, rows: Flags, *, steps: bool = False) -> LeftOut:

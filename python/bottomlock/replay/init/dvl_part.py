@@ -23,6 +23,7 @@ from bottomlock.recordings.pings import (
 )
 from bottomlock.recordings.rig_fit import Match
 from bottomlock.recordings.rotation import UNCHANGED_AXES, Axes, permute_axes
+from bottomlock.recordings.screen import repeated
 from bottomlock.recordings.streams import Floats, Integers
 from bottomlock.replay.beam_noise import measure_noise
 from bottomlock.replay.init.beam_columns import range_columns
@@ -135,8 +136,9 @@ def dvl_of_recording(recording: Recording, log: Path | None) -> DvlPart:
     table = recording.table
     named, text = _geometry(recording)
     geometry, claimed = _claimed(named.value, text)
+    valid = table.valid & ~repeated(table.time_ns, table.velocity_mps, table.valid)[:, None]
     time_ns, velocity = ping_velocity(
-        np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, table.valid
+        np.asarray(geometry.directions_p), table.time_ns, table.velocity_mps, valid
     )
     order = _better_order(geometry, claimed, table)
     part = DvlPart(
@@ -284,7 +286,7 @@ def dvl_of_velocity(found: Found) -> DvlPart:
     good = np.isfinite(values).all(axis=1) & ~no_velocity(values * SPEED_SI[unit.value])
     if "valid" in found.extra:
         good &= found.values("valid")[:, 0] == 1.0
-    good &= np.concatenate([[True], np.diff(times) > 0])
+    good &= np.concatenate([[True], np.diff(times) > 0]) & ~repeated(times, values, good[:, None])
     ranges = range_columns(found.table)
     name, because = "x_janus_20", "beams are projected from the velocity: give your instrument's tilt"
     if len(ranges) == 3:
