@@ -15,12 +15,13 @@ from bottomlock.geodesy import Place, geodetic_from_tangent
 from bottomlock.io.beams import read_geometry, read_instrument_file
 from bottomlock.plant.surroundings import MagneticField
 from bottomlock.recordings.attitude_fit import GyroErrors, fit_attitude, gyro_errors
-from bottomlock.recordings.pings import beam_noise, ping_noise, ping_velocity, tilt_of_noise
+from bottomlock.recordings.pings import beam_noise, better_order, ping_noise, ping_velocity, tilt_of_noise
 from bottomlock.recordings.rig_fit import Recorded
 from bottomlock.recordings.rig_search import fit_anyhow
 from bottomlock.recordings.streams import Attitudes, Inertial
 from bottomlock.recordings.track_fit import fit_track
 from bottomlock.replay.case import Case, WhatIf, load_case
+from bottomlock.replay.findings.attitude_checks import _signs
 from bottomlock.replay.init.imu_part import wild_rows
 from bottomlock.replay.init.make import make_case
 from bottomlock.replay.read_tables import rate_unit
@@ -131,6 +132,23 @@ def test_slope_of_turns_tells_the_unit(dive: Dive, factor: float) -> None:
     assert told is not None
     assert told[0] == {1.0: "rad/s", DEG: "deg/s", 3600.0 * DEG: "deg/h"}[factor]
     assert told[1] == pytest.approx(1.0, rel=0.03)
+
+
+def test_a_beam_of_the_other_sign_is_told_by_the_closure() -> None:
+    made = drawn_dive(3, seconds=60.0)
+    directions = np.asarray(read_geometry(made.geometry).geometry.directions_p)
+    for sign, words in (([1, 1, 1, 1], None), ([1, -1, 1, 1], "beam 2 flipped in sign")):
+        found = better_order(directions, made.beams * sign, np.isfinite(made.beams), 0.008)
+        assert (None if found is None else found.words) == words
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_axis_about_which_gyros_and_attitude_turn_opposite_ways_is_named(dive: Dive, axis: int) -> None:
+    rates = noisy(dive, 0.0, 0.002)[1] * np.where(np.arange(3) == axis, -1.0, 1.0)
+    found = fit_attitude(Inertial(ns(dive.imu_s), dive.force, rates), Attitudes(*attitude(dive)))
+    assert found is not None
+    (named,) = _signs(found)
+    assert f"About {'xyz'[axis]} the gyros" in named.text
 
 
 @pytest.mark.parametrize(("accel", "gyro"), [(0.01, 0.001), (0.07, 0.005), (0.15, 0.01)])

@@ -47,7 +47,7 @@ class _Way(NamedTuple):
     frame: str
     quarters: int
     clock_s: float
-    least: float
+    of_axes: tuple[float, ...]
 
     @property
     def stands(self) -> Floats:
@@ -66,7 +66,7 @@ class AttitudeFit:
         frame: "ned_frd" or "enu_flu".
         quarters: of a turn, from the sensor's forward to starboard, by which its axes stand on the platform.
         clock_s: to add to the attitude's times.
-        least: smallest correlation of a single axis.
+        of_axes: (3,) correlation about each axis of the platform.
         other: correlation in the other frame, at best; −1 without.
         steps: number of steps.
         rotation: (3, 3) from the attitude's axes, after frame and quarters, to those of the IMU.
@@ -79,7 +79,7 @@ class AttitudeFit:
     frame: str
     quarters: int
     clock_s: float
-    least: float
+    of_axes: tuple[float, ...]
     other: float
     steps: int
     rotation: Floats
@@ -88,6 +88,11 @@ class AttitudeFit:
     alike: float
     rotation_gain: float
     scale_gain: float
+
+    @property
+    def least(self) -> float:
+        """Smallest correlation of a single axis."""
+        return min(self.of_axes)
 
     @property
     def clear(self) -> bool:
@@ -156,11 +161,11 @@ def _way(a: Floats, b: Floats, frame: str, clock_s: float, *, search: bool) -> _
         size = np.linalg.norm(x[:, :2]) * np.linalg.norm(b[:, :2])
         if np.hypot(along, across) > LEVEL * size:
             quarters = 2 if nearest == -2 else nearest
-    way = _Way(0.0, frame, quarters, clock_s, 0.0)
+    way = _Way(0.0, frame, quarters, clock_s, ())
     x = a @ way.stands.T
     of_axes = (x * b).sum(axis=0) / np.maximum(np.linalg.norm(x, axis=0) * np.linalg.norm(b, axis=0), 1e-12)
     correlation = float((x * b).sum()) / max(float(np.linalg.norm(x) * np.linalg.norm(b)), 1e-30)
-    return way._replace(correlation=correlation, least=float(of_axes.min()))
+    return way._replace(correlation=correlation, of_axes=tuple(of_axes.tolist()))
 
 
 def _size(turns: Floats) -> Floats:

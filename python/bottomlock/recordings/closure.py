@@ -81,7 +81,7 @@ class Order:
         return " and ".join(f"{beam_words(beams)} {done}" for beams, done in parts if beams)
 
 
-def orders_by_closure(readings_mps: Floats, stated: Floats, *, signs: bool = True) -> list[Order]:
+def orders_by_closure(readings_mps: Floats, stated: Floats) -> list[Order]:
     """Every order within two swaps or flips of the stated one with its closure over full pings, the least first.
 
     Orders with the same null space have the same closure; they are ranked by the number of their steps.
@@ -89,17 +89,16 @@ def orders_by_closure(readings_mps: Floats, stated: Floats, *, signs: bool = Tru
     Args:
         readings_mps: (n, B).
         stated: (B, 3) directions of the beams.
-        signs: whether signs may be flipped.
     """
     beams = len(stated)
     pairs = list(itertools.combinations(range(beams), 2))
     swaps = [_swapped(range(beams), pair) for pair in pairs]
     plain, straight = tuple(range(beams)), (1,) * beams
-    flips = [_flipped(straight, [k]) for k in range(beams)] if signs else []
+    flips = [_flipped(straight, [k]) for k in range(beams)]
     tried = [(0, plain, straight)]
     tried += [*((1, swap, straight) for swap in swaps), *((1, plain, flip) for flip in flips)]
     tried += [(2, _swapped(swap, pair), straight) for swap in swaps for pair in pairs]
-    tried += [(2, plain, _flipped(straight, pair)) for pair in pairs if signs]
+    tried += [(2, plain, _flipped(straight, pair)) for pair in pairs]
     tried += [(2, swap, flip) for swap in swaps for flip in flips]
     steps: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
     for count, beam, sign in tried:
@@ -164,17 +163,15 @@ class Reordered:
         return "; or ".join(one.words for one in self.orders[:MOST])
 
 
-def find_order(
-    readings_mps: Floats, stated: Floats, *, better: float, least_mps: float, signs: bool = True
-) -> Reordered | None:
+def find_order(readings_mps: Floats, stated: Floats, *, better: float, least_mps: float) -> Reordered | None:
     """The simplest orders in which full pings (n, B) close far better than in the stated one, if any.
 
     Args:
-        readings_mps, stated, signs: of `orders_by_closure`.
+        readings_mps, stated: of `orders_by_closure`.
         better: largest closure of another order over that of the stated one.
         least_mps: smaller closures are right.
     """
-    orders = orders_by_closure(readings_mps, stated, signs=signs)
+    orders = orders_by_closure(readings_mps, stated)
     plain, best = next(one for one in orders if not one.steps).closure_mps, orders[0].closure_mps
     if best > better * plain or plain < least_mps:
         return None

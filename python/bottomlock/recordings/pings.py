@@ -69,13 +69,12 @@ LEAST_PINGS = 30
 def better_order(
     directions_p: Floats, velocity_mps: Floats, valid: Flags, claimed_mps: float
 ) -> Reordered | None:
-    """Another order of four or five beams in which they close far better; None where the stated one is as good."""
+    """Another order or sign of four or five beams in which they close far better; None where the stated is as good."""
     full = valid.all(axis=1)
     if not 4 <= len(directions_p) <= 5 or full.sum() < LEAST_PINGS:
         return None
     least_mps = 0.5 * CLOSES_BETTER * claimed_mps
-    better = 1.0 / CLOSES_BETTER
-    return find_order(velocity_mps[full], directions_p, better=better, least_mps=least_mps, signs=False)
+    return find_order(velocity_mps[full], directions_p, better=1.0 / CLOSES_BETTER, least_mps=least_mps)
 
 
 LAGS = (1, 2, 3, 4, 6, 8, 12, 16)

@@ -37,7 +37,7 @@ def gyro_fit(case: Case, prepared: PreparedRun) -> AttitudeFit | None:
 
 def attitude_findings(case: Case, fit: AttitudeFit | None) -> list[Finding]:
     """Unit of the gyros and mounting of the attitude sensor, where both instruments contradict what is stated."""
-    return [] if fit is None else [*_unit(case.readings.omega_unit, fit), *_mounting(fit)]
+    return [] if fit is None else [*_unit(case.readings.omega_unit, fit), *_mounting(fit), *_signs(fit)]
 
 
 def _unit(stated: str, fit: AttitudeFit) -> list[Finding]:
@@ -74,6 +74,19 @@ def _mounting(fit: AttitudeFit) -> list[Finding]:
             f"Turn attitude.mounting_roll_deg, mounting_pitch_deg and mounting_yaw_deg by {roll:+.0f}, {pitch:+.0f}, "
             f"{yaw:+.0f}; or the IMU is turned, imu.axes.", "attitude.mounting_yaw_deg",
         )
+    ]  # fmt: skip
+
+
+def _signs(fit: AttitudeFit) -> list[Finding]:
+    return [
+        Finding(
+            "gyro_sign", "fault", fit.steps * alike**2,
+            f"About {axis} the gyros turn the other way than the recorded attitude: one of both has the wrong sign.",
+            f"Correlation of their turns {alike:.2f} over {fit.steps} intervals of {STEP_S:g} s.",
+            "Look at the sign of that rate (imu.omega) and of that angle, and at attitude.frame.", "imu.omega",
+        )
+        for axis, alike in zip("xyz", fit.of_axes, strict=True)
+        if alike < -ONE_VEHICLE
     ]  # fmt: skip
 
 
