@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,9 @@ from tests.dive import drawn_dive
 from tests.dive_logs import write_case
 
 SEEN = Innovations("tc", 500, 0.0, 3.0, 3.5, 2.0, 4.0)
-NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, None, None)
+NEAR = Agreement("tc", 0.5, 0.4, 0.6, 1.0, 1.0, nan, nan)
 AGREES, DISAGREES = Reference("tc", 2.0, 1.0, 0.9), Reference("tc", 9.0, 2.6, 1.5)
-FAR = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, None, None)
+FAR = Agreement("tc", 912.0, 38.0, 90.0, 20.0, 5.0, nan, nan)
 
 
 UNKNOWN = {f"err_position_{axis}_m": pl.Float64() for axis in ("north", "east")}
@@ -64,10 +65,10 @@ def test_a_departure_beyond_both_claims_is_one() -> None:
 
 
 def test_a_method_that_claims_nothing_is_lost() -> None:
-    one = Agreement("tc", 700.0, 1.1, 100.0, 1e6, 7.0, None, None)
+    one = Agreement("tc", 700.0, 1.1, 100.0, 1e6, 7.0, nan, nan)
     assert one.lost
     assert not one.leaves
-    assert not Agreement("tc", 3.0, 1.1, 2.0, 1e6, 7.0, None, None).lost
+    assert not Agreement("tc", 3.0, 1.1, 2.0, 1e6, 7.0, nan, nan).lost
 
 
 @pytest.mark.parametrize(
@@ -183,7 +184,7 @@ def test_a_method_that_the_reference_beats_is_not_recommended() -> None:
 
 OPEN_KEYS = ("dvl.geometry", "dvl.mounting_pitch_deg", "attitude.yaw_offset_deg", "dvl.velocity_unit")
 WORSE = Agreement("tc", 9.0, 1.0, 1.0, 1.0, 1.0, 9.0, 3.0)
-VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, None, None)
+VAGUE = Agreement("tc", 0.5, 0.1, 0.6, 3.1, 1.0, nan, nan)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +211,7 @@ def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: 
     ("rms_m", "reckoned_rms_m", "verdict", "method"),
     [
         (3.9, 16.1, "partly", "tc"),
-        (None, None, "no", METHOD),
+        (nan, nan, "no", METHOD),
         (16.1, 3.0, "no", METHOD),
         (16.1, 16.1, "no", ""),
         (14.0, 20.0, "no", ""),
@@ -227,7 +228,7 @@ def test_a_reference_that_confirms_the_method_alone_clears_it(
 
 
 UNEXPLAINED = Finding("unexplained", "fault", 1.0, "Nothing explains it.", "", "Check.", "")
-APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, None, None)
+APART = Agreement("tc", 2.0, 1.6, 2.0, 1.0, 1.0, nan, nan)
 
 
 @pytest.mark.parametrize(

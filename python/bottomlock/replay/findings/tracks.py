@@ -48,7 +48,7 @@ class Agreement:
         sigmas: largest difference over the combined σ of both.
         own_sigmas: the same over the σ of dead reckoning alone.
         sd_m, reckoned_sd_m: claimed σ at the end, root of the sum over both axes.
-        rms_m, reckoned_rms_m: RMS against the reference; None without one.
+        rms_m, reckoned_rms_m: RMS against the reference; NaN without one, which no comparison holds for.
         reference_sd_m: 1 sigma of the reference, root of the sum over both axes.
     """
 
@@ -58,8 +58,8 @@ class Agreement:
     own_sigmas: float
     sd_m: float
     reckoned_sd_m: float
-    rms_m: float | None
-    reckoned_rms_m: float | None
+    rms_m: float
+    reckoned_rms_m: float
     reference_sd_m: float = 0.0
 
     @property
@@ -81,39 +81,34 @@ class Agreement:
     @property
     def confirmed_alone(self) -> bool:
         """Whether the reference confirms the method, and not dead reckoning: a compass that stands still."""
-        if self.rms_m is None or self.reckoned_rms_m is None or self.reckoned_rms_m <= WORSE * self.rms_m:
-            return False
         explained_m = REFERENCE_SIGMAS * math.hypot(self.sd_m, self.reference_sd_m)
-        return self.rms_m <= explained_m and not self._reckoned_fits
+        nearer = self.reckoned_rms_m > WORSE * self.rms_m and self.rms_m <= explained_m
+        return nearer and not self._reckoned_fits
 
     @property
     def beaten(self) -> bool:
         """Whether the reference prefers dead reckoning."""
-        if self.rms_m is None or self.reckoned_rms_m is None:
-            return False
         return self.rms_m > WORSE * self.reckoned_rms_m
 
     def beaten_beyond(self, near_m: float) -> bool:
         """Whether to take dead reckoning, which fits the reference: the method is beaten and over `near_m` off."""
-        if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
-            return False
-        return self.rms_m > near_m and self._reckoned_fits
+        return self.beaten and self.rms_m > near_m and self._reckoned_fits
 
     @property
     def reckoned_refuted(self) -> bool:
         """Whether the reference contradicts dead reckoning."""
-        return self.reckoned_rms_m is not None and not self._reckoned_fits
+        return math.isfinite(self.reckoned_rms_m) and not self._reckoned_fits
 
     @property
     def _reckoned_fits(self) -> bool:
         """Whether its claim and the reference's noise explain the error of dead reckoning."""
         explained_m = REFERENCE_SIGMAS * math.hypot(self.reckoned_sd_m, self.reference_sd_m)
-        return self.reckoned_rms_m is not None and self.reckoned_rms_m <= explained_m
+        return self.reckoned_rms_m <= explained_m
 
     @property
     def worse(self) -> bool:
         """Whether it is worse by more than the claims of both and the reference's noise explain."""
-        if not self.beaten or self.rms_m is None or self.reckoned_rms_m is None:
+        if not self.beaten:
             return False
         explained_m = math.hypot(self.sd_m, self.reckoned_sd_m, self.reference_sd_m)
         return math.sqrt(self.rms_m**2 - self.reckoned_rms_m**2) > explained_m
@@ -137,7 +132,7 @@ class Agreement:
             f"{self.method} is at most {metres(self.apart_m)} from dead reckoning: {self.sigmas:.1f} times what both "
             f"claim{alone}, of {LIMIT:.1f} that chance explains."
         )
-        if self.rms_m is not None and self.reckoned_rms_m is not None:
+        if math.isfinite(self.rms_m + self.reckoned_rms_m):
             text += (
                 f" Position RMS against the reference, horizontally: {self.method} {metres(self.rms_m)}, dead "
                 f"reckoning {metres(self.reckoned_rms_m)}."
@@ -267,9 +262,9 @@ def _columns(rows: pl.DataFrame) -> tuple[Floats, Floats, Floats]:
     )
 
 
-def _rms(error: Floats) -> float | None:
+def _rms(error: Floats) -> float:
     known = np.isfinite(error).all(axis=1)
-    return float(np.sqrt((error[known] ** 2).sum(axis=1).mean())) if known.any() else None
+    return float(np.sqrt((error[known] ** 2).sum(axis=1).mean())) if known.any() else math.nan
 
 
 def fits(case: Case, streams: Streams, time_ns: Times, track_t_m: Floats, claimed_m: float) -> list[TrackFit]:
