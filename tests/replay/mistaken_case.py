@@ -99,7 +99,7 @@ STARTS_FAST = edited(
     "case.toml", ('"beams"\nvelocity_mps = [0.0, 0.0, 0.0]', '"given"\nvelocity_mps = [2.0, 0.0, 0.0]')
 )
 MISTAKES: dict[str, tuple[Mistake, str, str]] = {
-    "mounting yaw 10 deg": (edited("dvl.toml", ("yaw_deg = 0.0", "yaw_deg = 10.0")), "mounting", "yaw"),
+    "mounting yaw 3 deg": (edited("dvl.toml", ("yaw_deg = 0.0", "yaw_deg = 3.0")), "mounting", "yaw"),
     "mounting pitch 6 deg": (edited("dvl.toml", ("pitch_deg = 0.0", "pitch_deg = 6.0")), "mounting", "pitch"),
     "DVL turned by 90 deg": (edited("dvl.toml", ("yaw_deg = 0.0", "yaw_deg = 90.0")), "axes", "imu.axes"),
     "IMU axes exchanged": (edited("case.toml", ('["x", "y", "z"]', '["y", "x", "z"]')), "axes", "imu.axes"),
@@ -109,9 +109,10 @@ MISTAKES: dict[str, tuple[Mistake, str, str]] = {
     "beams reversed": (table("beams", **{f"beam{k}_mps": -BEAM[k] for k in BEAM}), "axes", "dvl.file"),
     "DVL clock 0.3 s": (table("beams", time_ns=pl.col("time_ns") + 300_000_000), "clock", "dvl.clock.offset_s"),
     "tenfold gyro bias": (table("imu", gx=pl.col("gx") + 1e-3, gy=pl.col("gy") - 8e-4), "gyro_offset", "gyro_bias"),
-    "sound speed 5 %": (edited("dvl.toml", ("scale = 1.0", "scale = 1.05")), "scale", "sound_speed_scale"),
+    "sound speed 2.5 %": (edited("dvl.toml", ("scale = 1.0", "scale = 1.025")), "scale", "sound_speed_scale"),
     "tilt 30 deg": (edited("dvl.toml", ("22.5", "30.0")), "scale", "dvl.geometry"),
     "beams 1 and 2 exchanged": (table("beams", **EXCHANGED), "beam_order", "dvl.geometry"),
+    "beam 2 reversed": (table("beams", beam2_mps=-BEAM[2]), "beam_order", "dvl.geometry"),
     "deg/s taken for rad/s": (edited("case.toml", ('"rad/s"', '"deg/s"')), "gyro_unit", "imu.omega_unit"),
     "start level 8 deg": (added("roll_deg", 8.0), "start_level", "start.level"),
     "start velocity": (STARTS_FAST, "start_velocity", "start.velocity"),

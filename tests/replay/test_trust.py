@@ -218,7 +218,7 @@ def test_each_rule_keeps_an_answer_from_yes(changes: dict[str, object], method: 
     ],
 )
 def test_a_reference_that_confirms_the_method_alone_clears_it(
-    rms_m: float | None, reckoned_rms_m: float | None, verdict: str, method: str
+    rms_m: float, reckoned_rms_m: float, verdict: str, method: str
 ) -> None:
     """A compass that stood still: dead reckoning is 29 m away, and wrong. It is never taken where it is."""
     apart = Agreement("tc", 29.0, 6.9, 20.0, 4.0, 1.0, rms_m, reckoned_rms_m, 1.4)

@@ -13,10 +13,11 @@ LEAST_DROP = 36.0
 """Least fall of the cost that a cause must explain: chi-squared of three parameters by chance is below 26 (1e-5)."""
 LEAST_PART = 0.02
 """And this part of the whole cost: a model that is a little wrong everywhere gains a little from any parameter."""
-LARGE = {"scale": 0.6, "rotation": float(np.deg2rad(20.0))}
+LARGE = {"scale": 0.6, "rotation": float(np.deg2rad(20.0)), "clock": 0.5}
 LARGE_PART = 0.3
 """A larger mistake than these must explain this part of the cost, as a wrong unit (0.94) and a turned DVL (0.95) do on
-dives of tests/dive.py. A fit makes one of a speed that hardly changes: 0.12 on sections of St Pere without one."""
+dives of tests/dive.py, and clocks of 0.7 to 1.5 s. A fit makes one of a speed that hardly changes: 0.12 on sections of
+St Pere without one, a clock of 1 s on that from 800 to 900 s."""
 DISCRETE_PART = 0.4
 """... as a mistaken axis, sign or unit must."""
 ENOUGH = 0.88
@@ -100,11 +101,11 @@ class Cause:
         """Whether the mistake is larger than its noise, and than what does no harm, and explains enough."""
         if self.name not in PARTS:
             return self.drop > DISCRETE_PART * stated.cost
-        size = float(np.abs(self.values).max())
-        if size > LARGE.get(self.name, np.inf) and self.drop < LARGE_PART * stated.cost:
+        size = np.abs(self.values)
+        if size.max() > LARGE.get(self.name, np.inf) and self.drop < LARGE_PART * stated.cost:
             return False
         least = BIAS_FACTOR * tight["gyro_bias"] if self.name == "gyro_bias" else MATERIAL[self.name]
-        return size > least and bool((np.abs(self.values) > SIGMAS * self.match.part_sd(self.name)).any())
+        return bool((size > np.maximum(least, SIGMAS * self.match.part_sd(self.name))).any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +124,9 @@ class Comparison:
 
 
 def tight_priors(gyro_bias_radps: float, accel_bias_mps2: float) -> dict[str, float]:
-    """1 sigma of every parameter as a case states it: what a careful installation leaves."""
-    return {
-        "rotation": float(np.deg2rad(0.5)), "scale": 0.005, "clock": 0.008, "gyro_bias": max(gyro_bias_radps, 1e-7),
-        "accel_bias": max(accel_bias_mps2, 1e-4), "lever": 0.1,
-    }  # fmt: skip
+    """1 sigma of every parameter as a case states it: a sixth of what is material, which then costs `LEAST_DROP`."""
+    stated = {name: float(size) / np.sqrt(LEAST_DROP) for name, size in MATERIAL.items()}
+    return stated | {"gyro_bias": max(gyro_bias_radps, 1e-7), "accel_bias": max(accel_bias_mps2, 1e-4)}
 
 
 def compare(
