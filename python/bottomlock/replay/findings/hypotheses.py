@@ -115,7 +115,7 @@ class Comparison:
     Attributes:
         stated: the fit with everything near what is stated.
         causes: that explain the difference, the likeliest first.
-        unexplained: whether there is a difference that none of them removes.
+        unexplained: whether there is a difference beyond the noise of a velocity that none of them removes.
     """
 
     stated: Match
@@ -166,7 +166,8 @@ def compare(
     alike = [one for one in kept if one.drop >= ENOUGH * best]
     alike.sort(key=lambda one: (SIMPLER.index(one.name), -one.drop))
     rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
-    return Comparison(stated, _told_apart(alike + rest), bool(material) and not kept)
+    unexplained = bool(material) and not kept and near.sigma_mps > sigma_mps
+    return Comparison(stated, _told_apart(alike + rest), unexplained)
 
 
 def _told_apart(causes: list[Cause]) -> list[Cause]:
