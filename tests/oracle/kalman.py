@@ -30,15 +30,17 @@ def update(x: Array, P: Array, H: Array, R: Array, residual: Array) -> tuple[Arr
     return x + K @ residual, (np.eye(len(P)) - K @ H) @ P
 
 
-def update_position(x: Array, P: Array, H: Array, R: Array, residual: Array) -> tuple[Array, Array, Array]:
+def update_position(
+    x: Array, P: Array, H: Array, R: Array, residual: Array, known_m2: float
+) -> tuple[Array, Array, Array]:
     """A position fix at the corrected path (docs/linear_range.md): estimate, covariance, and the H that was used.
 
-    With δr̂ of a first update, B = −[δr̂×], and M the identity with B at position by misalignment: H' = H M, then
-    x ← M x⁺ and P ← M P⁺ Mᵀ.
+    With δr̂ of a first update, B = −[γ δr̂×], and M the identity with B at position by misalignment: H' = H M, then
+    x ← M x⁺ and P ← M P⁺ Mᵀ. Of the level position's variance `known_m2` were there when it was last known.
     """
     first, _ = update(x, P, H, R, residual)
     M = np.eye(len(P))
-    M[0:3, 3:6] = -skew(first[0:3])
+    M[0:3, 3:6] = -skew((1.0 - known_m2 / (P[0, 0] + P[1, 1])) * first[0:3])
     moved, after = update(x, P, H @ M, R, residual)
     return M @ moved, M @ after @ M.T, H @ M
 

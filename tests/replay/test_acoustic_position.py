@@ -52,14 +52,15 @@ def test_update_is_the_textbook_filter(pitch_deg: float) -> None:
     initial: Any = settings.start(
         attitude=quaternion_from_euler(0.4, np.deg2rad(pitch_deg), -1.1), position=position
     )
-    navigator = Navigator(JANUS, model(), options(), initial, method="ins", covariance=before)
+    known = {"initial": settings.table_2()["initial"] | {"position_sd_m": [0.2, 0.1, 2.0]}}
+    navigator = Navigator(JANUS, model() | known, options(), initial, method="ins", covariance=before)
     navigator.push_imu(0, omega_p_radps=np.zeros(3), force_p_mps2=[0.0, 0.0, -9.8])
     (report,) = navigator.push_acoustic_position(time_ns=0, position_t_m=fix)
     lever, transceiver = np.array(LEVER), np.array(MODEL["transceiver_t_m"])
     H = oracle.jacobian(rotation, lever)
     R = oracle.deviation(fix, transceiver, MODEL["sd_m"], MODEL["sd_per_range"]) ** 2 * np.eye(3)
     residual = fix - oracle.expected_fix(position, rotation, lever)
-    error, after, H = kalman.update_position(np.zeros(20), before, H, R, residual)
+    error, after, H = kalman.update_position(np.zeros(20), before, H, R, residual, 0.2**2 + 0.1**2)
     assert (report.sensor, report.verdict, report.degrees) == ("acoustic_position", "accepted", 3)
     np.testing.assert_allclose(report.residual, residual, atol=1e-12)
     np.testing.assert_allclose(report.covariance, H @ before @ H.T + R, atol=1e-12)
