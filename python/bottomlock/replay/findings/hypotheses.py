@@ -115,7 +115,7 @@ class Comparison:
     Attributes:
         stated: the fit with everything near what is stated.
         causes: that explain the difference, the likeliest first.
-        unexplained: whether there is a difference beyond the noise of a velocity that none of them removes.
+        unexplained: whether none of them removes a difference that is not far within the noise of a velocity.
     """
 
     stated: Match
@@ -148,7 +148,8 @@ def compare(
     mistakes = [Mistake(name) for name in SIMPLER if name in PARTS] + (_discrete(recorded) if fails else [])
     mistakes = [one for one in mistakes if not (unit_is_right and one.name == "units")]
     own = [free, near, *(one.fit(recorded, tight) for one in mistakes if one.name not in PARTS)]
-    sigma = max(min(one.sigma_mps for one in own if one is not None), 0.7 * sigma_mps)
+    least = 0.7 * sigma_mps
+    sigma = max(min(one.sigma_mps for one in own if one is not None), least)
     stated, free = fit(recorded, prior=tight, sigma_mps=sigma), fit(recorded, prior=LOOSE, sigma_mps=sigma)
     if stated is None or free is None:
         return None
@@ -166,7 +167,7 @@ def compare(
     alike = [one for one in kept if one.drop >= ENOUGH * best]
     alike.sort(key=lambda one: (SIMPLER.index(one.name), -one.drop))
     rest = sorted((one for one in kept if one not in alike), key=lambda one: -one.drop)
-    unexplained = bool(material) and not kept and near.sigma_mps > sigma_mps
+    unexplained = bool(material) and not kept and near.sigma_mps > least
     return Comparison(stated, _told_apart(alike + rest), unexplained)
 
 
