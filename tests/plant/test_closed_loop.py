@@ -103,10 +103,16 @@ def test_navigation_error_is_true_minus_believed(tauv: Vehicle) -> None:
     assert np.allclose(error[:, 3:], 0.0)
 
 
-def test_an_imu_too_slow_for_the_loop_is_refused(tauv: Vehicle) -> None:
+@pytest.mark.parametrize("rate_hz", [5.0, 9.0])
+def test_an_imu_too_slow_for_the_loop_is_refused(tauv: Vehicle, rate_hz: float) -> None:
     with pytest.raises(ScenarioError, match=r"imu: rate_hz .* expected at least 10 Hz in the loop"):
         VehicleGroup(
-            tauv, straight(), runs=1, latitude_rad=LATITUDE_RAD, gravity_mps2=GRAVITY_MPS2, imu_rate_hz=5.0
+            tauv,
+            straight(),
+            runs=1,
+            latitude_rad=LATITUDE_RAD,
+            gravity_mps2=GRAVITY_MPS2,
+            imu_rate_hz=rate_hz,
         )
 
 

@@ -267,7 +267,6 @@ def valid_panel(
     time_ns: Times,
     valid: NDArray[np.bool_],
     *,
-    colours: Sequence[str] = BEAM_COLOURS,
     title: str = "beams valid",
 ) -> Panel:
     """A line for each beam while it is valid, from beam 1 down.
@@ -275,11 +274,10 @@ def valid_panel(
     Args:
         time_ns: (n,) of the pings, in order.
         valid: (n, beams).
-        colours: of the beams, again from the first where there are more beams.
         title: above the panel.
     """
     curves = [
-        held_curve(f"beam {k + 1}", colours[k % len(colours)], time_ns, flags, k + 1.0)
+        held_curve(f"beam {k + 1}", BEAM_COLOURS[k % len(BEAM_COLOURS)], time_ns, flags, k + 1.0)
         for k, flags in enumerate(valid.T)
     ]
     return Panel(title, curves, decimals=0, names=[f"{k + 1}" for k in range(len(curves))])

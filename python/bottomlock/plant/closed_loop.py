@@ -22,8 +22,14 @@ from bottomlock.plant.hovering_vehicle import AnyVehicle
 from bottomlock.plant.maths import ARRAY, FloatArray, IntArray
 from bottomlock.plant.mission import Mission
 from bottomlock.plant.path import guide_rows, next_segment
-from bottomlock.plant.swim import Integration, sampled, samples_and_steps, steps_per_tick
-from bottomlock.plant.trim import start_state
+from bottomlock.plant.swim import (
+    FASTEST_IN_A_STEP,
+    Integration,
+    sampled,
+    samples_and_steps,
+    steps_per_tick,
+)
+from bottomlock.plant.trim import check_stability, start_state
 from bottomlock.truth import EllipsoidPath, sample_times_ns
 
 
@@ -118,11 +124,12 @@ class VehicleGroup:
         self._paths = [EllipsoidPath(environment) for _ in range(runs if earth == "ellipsoid" else 0)]
         self._parts, steps_per_sample = samples_and_steps(vehicle, gravity_mps2, imu_rate_hz)
         if steps_per_sample > 1:
+            least_hz = check_stability(vehicle, gravity_mps2) / FASTEST_IN_A_STEP
             raise ScenarioError(
-                f"has steps of the motion of {1.0 / imu_rate_hz:g} s, too long for vehicle {vehicle.name}",
+                f"{imu_rate_hz:g} is too slow for one step of vehicle {vehicle.name} to a sample",
                 place="imu",
                 key="rate_hz",
-                expected=f"at least {math.ceil(steps_per_sample * imu_rate_hz)} Hz in the loop",
+                expected=f"at least {math.ceil(least_hz)} Hz in the loop",
             )
         step_s = self._parts / imu_rate_hz
         per_tick = steps_per_tick(step_s)

@@ -161,7 +161,7 @@ impl Eskf {
         let turn = Rotation3::from_scaled_axis(rho);
         let turned_t = turn * (way_t + rest_t);
         let end_t = linear_t * (1.0 - share_of_way) + turned_t;
-        let by_position = Matrix3::identity() * (1.0 - share_of_way) + turn.matrix() * share_of_way;
+        let by_position = turned_in_part(&turn, share_of_way);
         let by_misalignment = turn * skew(&way_t) - skew(&turned_t) * left_jacobian(&rho);
         let mut path = CorrectedPath {
             by_position: Some(by_position),
@@ -224,6 +224,11 @@ impl CorrectedPath {
         }
         position += turned;
     }
+}
+
+/// (1 − γ) I + γ Exp(ρ), by which the linear error moves the position of (2a).
+pub(super) fn turned_in_part(turn: &Rotation3<f64>, share_of_way: f64) -> Matrix3<f64> {
+    Matrix3::identity() * (1.0 - share_of_way) + turn.matrix() * share_of_way
 }
 
 /// The level part of p̂, m, by which a covariance has the yaw move the position: E[δr | ρ_D] = ρ_D e_D × p̂. Zero for a yaw

@@ -12,10 +12,10 @@
 //!
 //! An axis that a depth sensor has corrected contains the integral of b since the last depth alone.
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 
 use super::Eskf;
-use super::corrected_path::way_by_yaw;
+use super::corrected_path::{turned_in_part, way_by_yaw};
 use crate::layout::{ATTITUDE, POSITION, VELOCITY};
 use crate::state::{Covariance, ErrorVector, NavState};
 
@@ -32,9 +32,8 @@ impl Eskf {
         let mut linear_t = if self.measured.velocity_ns.is_some() {
             let (way_t, turn) = (way_by_yaw(covariance), Rotation3::from_scaled_axis(rho));
             let share = self.share_of_way(covariance);
-            let turned = Matrix3::identity() * (1.0 - share) + turn.matrix() * share;
             let beside_t = position_t + way_t - turn * (way_t - rho.cross(&way_t));
-            turned.lu().solve(&beside_t).unwrap_or(beside_t)
+            turned_in_part(&turn, share).lu().solve(&beside_t).unwrap_or(beside_t)
         } else {
             let half = Rotation3::from_scaled_axis(-0.5 * rho);
             let velocity_p = rotation.transpose() * (half.inverse() * (rotation * velocity_p));
@@ -68,7 +67,7 @@ mod tests {
         let mut state = NavState::at_rest(NOW_NS);
         state.attitude_t_p = Rot::from_euler_rad(0.3, -0.2, 1.1);
         let mut filter = Eskf::new(state, &Model::table_2(), &Options::default()).unwrap();
-        filter.measured.level_m2 = 0.0; // the error is of the way alone
+        filter.measured.horizontal_m2 = 0.0; // the error is of the way alone
         let mut truth = filter.state();
         truth.position_t_m = Vec3::from_array(WAY);
         truth.attitude_t_p = Rot::<Tangent, Tangent>::exp(RHO.into()) * truth.attitude_t_p;
@@ -119,11 +118,11 @@ mod tests {
         assert!((block(&error, ATTITUDE) - rho).norm() < 1e-12);
     }
 
-    /// Of 2 m² of the level position 1.2 were there before: by (2a) with 0.4 of the error on the way, the linear error is found again.
+    /// Of 2 m² of the horizontal position 1.2 were there before: by (2a) with 0.4 of the error on the way, the linear error is found again.
     #[test]
     fn what_was_there_before_does_not_turn() {
         let (mut filter, mut truth) = filter_and_truth();
-        (filter.measured.velocity_ns, filter.measured.level_m2) = (Some(NOW_NS), 1.2);
+        (filter.measured.velocity_ns, filter.measured.horizontal_m2) = (Some(NOW_NS), 1.2);
         let (way_t, linear_t) = (Vector3::from(WAY), Vector3::new(40.0, 70.0, -5.0));
         let level_t = Vector3::new(way_t.x, way_t.y, 0.0);
         let rest_t = linear_t * 0.4 - Vector3::from(RHO).cross(&level_t);

@@ -13,7 +13,7 @@
 //!
 //! - Velocity, three axes: the Jacobian is that at the velocity after the update.
 //! - Position, three axes: ∫b dt = ρ × ∫R̂ δv dt, and the integral is what the update observes as correction of the
-//!   position. The error state is moved to the corrected path (`filter/corrected_path.rs`).
+//!   position, but for the error of before (`Eskf::share_of_way`). The error state is moved to the corrected path (`filter/corrected_path.rs`).
 //! - Depth: nothing observes that integral. Beyond the linear range the measurement corrects its own axis of the position alone
 //!   (Schmidt's filter), whose variance has grown by `E[b_z²] Δt²` since the last depth.
 //! - Heave: since the last velocity it has an error of ½ g (ρ_x² + ρ_y²) Δt, which F leaves out of gravity and an update by a velocity,
@@ -42,8 +42,8 @@ pub(super) struct Measured {
     pub(super) depth_ns: i64,
     /// All axes of the position.
     pub(super) position_ns: i64,
-    /// Variance of its level part then, or where an update has left less of it, m².
-    pub(super) level_m2: f64,
+    /// Variance of its horizontal part then, or where an update has left less of it, m².
+    pub(super) horizontal_m2: f64,
     /// A velocity in the platform frame; `None` before the first.
     pub(super) velocity_ns: Option<i64>,
     /// The heave's covariance has what the linear model leaves out until then.
@@ -55,7 +55,7 @@ impl Measured {
         Self {
             depth_ns: time_ns,
             position_ns: time_ns,
-            level_m2: level_variance(covariance),
+            horizontal_m2: horizontal_variance(covariance),
             velocity_ns: None,
             heave_ns: time_ns,
         }
@@ -87,13 +87,13 @@ impl Eskf {
         let before = (self.covariance[DOWN], self.measured);
         self.linearise(&mut innovation);
         self.covariance[DOWN] += self.left_out_variance(&innovation);
-        // Known already where the update's own correction of the level position turns the axis of the depth.
+        // Known already where the update's own correction of the horizontal position turns the axis of the depth.
         self.note_position(innovation.tangent_rows);
         let outcome = self.fuse_rows(&innovation, sensor);
         if !outcome.as_ref().is_ok_and(UpdateReport::was_used) {
             (self.covariance[DOWN], self.measured) = before;
         } else if innovation.tangent_rows == TangentRows::Position {
-            self.measured.level_m2 = level_variance(&self.covariance);
+            self.measured.horizontal_m2 = horizontal_variance(&self.covariance);
         }
         outcome
     }
@@ -168,17 +168,17 @@ impl Eskf {
         }
     }
 
-    /// Notes how well the level position is known, where this is better than before.
-    pub(super) fn note_level_position(&mut self) {
-        self.measured.level_m2 = self.measured.level_m2.min(level_variance(&self.covariance));
+    /// Notes how well the horizontal position is known, where this is better than before.
+    pub(super) fn note_horizontal_position(&mut self) {
+        self.measured.horizontal_m2 = self.measured.horizontal_m2.min(horizontal_variance(&self.covariance));
     }
 
-    /// Part of the position's error that has come about since the position was last known, by the variance of its level part. The
+    /// Part of the position's error that has come about since the position was last known, by the variance of its horizontal part. The
     /// rest, as of a start at a place that is not well known, lies on no way that a misalignment turns.
     pub(super) fn share_of_way(&self, covariance: &Covariance) -> f64 {
-        let level_m2 = level_variance(covariance);
-        if level_m2 > self.measured.level_m2 {
-            1.0 - self.measured.level_m2 / level_m2
+        let horizontal_m2 = horizontal_variance(covariance);
+        if horizontal_m2 > self.measured.horizontal_m2 {
+            1.0 - self.measured.horizontal_m2 / horizontal_m2
         } else {
             0.0
         }
@@ -201,7 +201,7 @@ impl Eskf {
     }
 }
 
-fn level_variance(covariance: &Covariance) -> f64 {
+fn horizontal_variance(covariance: &Covariance) -> f64 {
     covariance.fixed_view::<2, 2>(POSITION, POSITION).trace()
 }
 

@@ -56,7 +56,7 @@ fn variance_of_the_product_by_hand() {
     assert!((found / (2.0 * 0.01 * 0.01 * 20.0 * 20.0) - 1.0).abs() < 1e-12);
 }
 
-/// Of 9e4 m² of the level position 1e4 were there when it was last known: the way has eight ninths. An update that leaves less is the
+/// Of 9e4 m² of the horizontal position 1e4 were there when it was last known: the way has eight ninths. An update that leaves less is the
 /// new beginning, and so is a fix, however much it leaves.
 #[test]
 fn the_share_of_the_way() {
@@ -66,8 +66,8 @@ fn the_share_of_the_way() {
         covariance[(POSITION, POSITION)] = north_m2;
         filter.share_of_way(&covariance)
     };
-    assert_eq!((filter.measured.level_m2, share(&filter, 3.0)), (8.0, 0.0));
-    filter.measured.level_m2 = 1e4;
+    assert_eq!((filter.measured.horizontal_m2, share(&filter, 3.0)), (8.0, 0.0));
+    filter.measured.horizontal_m2 = 1e4;
     assert!((share(&filter, 9e4 - 4.0) - 8.0 / 9.0).abs() < 1e-12);
     for (sd_m, most_m2) in [(0.5, 0.5), (1.0, 1.0)] {
         filter
@@ -76,9 +76,12 @@ fn the_share_of_the_way() {
         let state = filter.state();
         let innovation = position(&Motion::still(&state), &state.position_t_m, &[sd_m; 3], &Vec3::zeros());
         assert!(filter.update(&innovation, Sensor::GpsPosition).unwrap().was_used());
-        let level_m2 = filter.covariance.fixed_view::<2, 2>(POSITION, POSITION).trace();
-        assert_eq!(filter.measured.level_m2, level_m2);
-        assert!(0.8 * most_m2 < level_m2 && level_m2 < most_m2, "{level_m2}");
+        let horizontal_m2 = filter.covariance.fixed_view::<2, 2>(POSITION, POSITION).trace();
+        assert_eq!(filter.measured.horizontal_m2, horizontal_m2);
+        assert!(
+            0.8 * most_m2 < horizontal_m2 && horizontal_m2 < most_m2,
+            "{horizontal_m2}"
+        );
     }
 }
 

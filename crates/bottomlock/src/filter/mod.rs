@@ -162,7 +162,7 @@ impl Eskf {
         }
         require_positive_definite(&symmetric, self.state.time_ns)?;
         self.covariance = symmetric;
-        self.note_level_position();
+        self.note_horizontal_position();
         self.extensions.restart(&self.kinematics);
         self.interval = Interval::default();
         Ok(())

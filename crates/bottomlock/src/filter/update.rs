@@ -60,7 +60,7 @@ impl Eskf {
         } else {
             self.follow_corrected_path(&mut correction.error, share_of_way);
         }
-        self.note_level_position();
+        self.note_horizontal_position();
         self.feed_back(&correction.error);
         Ok(report)
     }
