@@ -81,7 +81,7 @@ def _signs(fit: AttitudeFit) -> list[Finding]:
     return [
         Finding(
             "gyro_sign", "fault", fit.steps * alike**2,
-            f"About {axis} the gyros turn the other way than the recorded attitude: one of both has the wrong sign.",
+            f"About {axis} the gyros turn the other way than the recorded attitude: one of the two has the wrong sign.",
             f"Correlation of their turns {alike:.2f} over {fit.steps} intervals of {STEP_S:g} s.",
             "Look at the sign of that rate (imu.omega) and of that angle, and at attitude.frame.", "imu.omega",
         )
